@@ -205,30 +205,76 @@ def diagnose(s: Stored, rules: Path, folder: Path) -> Facts:
     return found
 
 
-def attempt(found: Sequence[Stored], wanted: Wanted, folder: Path, most: int, workers: int) -> None:
-    """Diagnose what a change of rules leaves open and print what is won and lost by source."""
+@dataclass(frozen=True)
+class Ending:
+    """Hold an answer that was given again under other rules: (what one may ask for, wrong though sure) of each."""
+
+    stored: Stored
+    diagnosis: Facts
+    before: tuple[bool, bool]
+    after: tuple[bool, bool]
+
+    @property
+    def changed(self) -> bool:
+        """Tell whether verdict or names are others."""
+        return said(self.stored.diagnosis) != said(self.diagnosis)
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Count answers that were given again: changed, won, lost, wrong though sure before and after."""
+
+    changed: int
+    won: int
+    lost: int
+    sure_before: int
+    sure_after: int
+
+
+def again(found: Sequence[Stored], wanted: Wanted, folder: Path, most: int, workers: int) -> list[Ending]:
+    """Diagnose what a change of rules leaves open, at most `most` drawn by a fixed seed; `folder` keeps the answers."""
     text = "".join(f"[{s}]\n" + "".join(f"{n} = {v!r}\n" for n, v in t.items()) for s, t in wanted.items())
     own = folder / sha256(text.encode()).hexdigest()[:12]
     own.mkdir(parents=True, exist_ok=True)
     (own / "rules.toml").write_text(text, encoding="utf-8")
+    open_ = [s for s in found if s.may_change(wanted)]
+    tried = random.Random(1).sample(open_, min(most, len(open_)))
+    with ThreadPoolExecutor(workers) as pool:
+        fresh = list(pool.map(lambda s: diagnose(s, own / "rules.toml", own), tried))
+    return [Ending(s, d, s.judged(s.diagnosis), s.judged(d)) for s, d in zip(tried, fresh, strict=True)]
+
+
+def counted(ends: Sequence[Ending]) -> Counts:
+    """Count what became of answers that were given again."""
+    won, lost = (sum(e.before[0] != e.after[0] and e.after[0] is way for e in ends) for way in (True, False))
+    sure = sum(e.before[1] for e in ends), sum(e.after[1] for e in ends)
+    return Counts(sum(e.changed for e in ends), won, lost, *sure)
+
+
+def changed_lines(ends: Sequence[Ending]) -> list[str]:
+    """List the answers that are others, one a line."""
+    return [
+        f"- {e.stored.source} {e.stored.case.name}: {said(e.stored.diagnosis)} → {said(e.diagnosis)}"
+        f"{_mark(e.before, e.after)}"
+        for e in ends
+        if e.changed
+    ]
+
+
+def attempt(found: Sequence[Stored], wanted: Wanted, folder: Path, most: int, workers: int) -> None:
+    """Diagnose what a change of rules leaves open and print what is won and lost by source."""
     print(
-        f"{text.strip()}\n\n| source | answers | may change | tried | changed | won | lost | wrong though sure |\n|"
-        + "---|" * 8
+        f"{json.dumps(wanted)}\n\n| source | answers | may change | tried | changed | won | lost | wrong though sure |"
+        f"\n|{'---|' * 8}"
     )
     lines = []
     for source in sorted({s.source for s in found}):
         mine = [s for s in found if s.source == source]
-        open_ = [s for s in mine if s.may_change(wanted)]
-        tried = random.Random(1).sample(open_, min(most, len(open_)))
-        with ThreadPoolExecutor(workers) as pool:
-            again = list(pool.map(lambda s: diagnose(s, own / "rules.toml", own), tried))
-        ends = [(s, s.judged(s.diagnosis), s.judged(d), d) for s, d in zip(tried, again, strict=True)]
-        changed = [e for e in ends if said(e[0].diagnosis) != said(e[3])]
-        won, lost = (sum(b[0] != a[0] and b[0] is way for _, a, b, _ in ends) for way in (True, False))
-        wrong = sum(a[1] for _, a, _, _ in ends), sum(b[1] for _, _, b, _ in ends)
-        counts = f"{len(mine)} | {len(open_)} | {len(tried)} | {len(changed)} | {won} | {lost}"
-        print(f"| {source} | {counts} | {wrong[0]} → {wrong[1]} |")
-        lines += [f"- {source} {s.case.name}: {said(s.diagnosis)} → {said(d)}{_mark(a, b)}" for s, a, b, d in changed]
+        ends = again(mine, wanted, folder, most, workers)
+        c, open_ = counted(ends), sum(s.may_change(wanted) for s in mine)
+        print(f"| {source} | {len(mine)} | {open_} | {len(ends)} | {c.changed} | {c.won} | {c.lost}"
+              f" | {c.sure_before} → {c.sure_after} |")  # fmt: skip
+        lines += changed_lines(ends)
     print("\n" + "\n".join(lines))
 
 
