@@ -215,7 +215,8 @@ def test_every_effect_can_be_stated(worlds: dict[str, World], where: str) -> Non
         text = a.statement({s.label: 0.123 for s in a.slots if s.label})
         place = str(a.location["entry"]).removeprefix("state:")
         assert "{" not in text and a.entry in MINE and (place in text or a.location["inputs"] or a.location["outputs"])
-        assert len(a.slots) - len(a.fixed) <= 3 or a.gain_states
+        few = 4 if a.entry == "end_stop" else 3  # two places, a stiffness and what a touch takes
+        assert len(a.slots) - len(a.fixed) <= few or a.gain_states
         for s in a.slots:
             assert s.low <= s.null <= s.high and s.size > 0, (a.key, s.name)
         assert {n for point in a.grid for n in point} <= {s.name for s in a.slots}
@@ -262,6 +263,7 @@ class Form:
     mass: float = 2.0
     kind: str = ""
     near: float = 2e-3
+    sampled: float = 0.08  # of what it does in a sample, by which a mode in discrete time may miss it
 
 
 SMOOTH = 0.01 * 0.6
@@ -270,6 +272,11 @@ FORMS = (
     Form("quadratic_damping", {"drag_1": 4.0}, lambda q, v, z, t: -4.0 * v * abs(v)),
     Form("end_stop", {"stop_1_stiffness": 300.0, "stop_1_low": -0.05, "stop_1_high": 0.08},
          lambda q, v, z, t: -300.0 * (q - 0.08) if q > 0.08 else (-300.0 * (q + 0.05) if q < -0.05 else 0.0)),
+    Form("end_stop", {"stop_1_stiffness": 300.0, "stop_1_low": -0.05, "stop_1_high": 0.08, "stop_1_loss": 0.5},
+         lambda q, v, z, t: (
+             -300.0 * (q - 0.08) * max(1 + 0.5 * v, 0) if q > 0.08
+             else (-300.0 * (q + 0.05) * max(1 - 0.5 * v, 0) if q < -0.05 else 0.0)
+         ), sampled=0.25),  # the speed turns over within the sample
     Form("clearance", {"clearance_1": 0.03},
          lambda q, v, z, t: 80.0 * q if abs(q) < 0.03 else 80.0 * 0.03 * np.sign(q)),
     Form("stiction", {"stiction_1_force": 0.5, "stiction_1_excess": 0.4, "stiction_1_speed": 0.1},
@@ -476,7 +483,7 @@ def test_on_a_mode_an_effect_is_exact_to_second_order(worlds: dict[str, World], 
         errors.append(steps[0] - exact)
         effects.append(steps[1] - exact)
     for i in range(2):
-        assert np.std([e[i] for e in errors]) < 0.08 * np.std([e[i] for e in effects])
+        assert np.std([e[i] for e in errors]) < form.sampled * np.std([e[i] for e in effects])
 
 
 def test_a_floor_is_looked_for_where_the_level_was_lowest(worlds: dict[str, World]) -> None:

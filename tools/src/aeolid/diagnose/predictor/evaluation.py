@@ -31,13 +31,14 @@ class Evaluator:
 
     def __init__(
         self, compiled: Compiled, segments: Sequence[Segment], scales: Scales, var_order: int | None = None,
-        deadline: Deadline | None = None,
+        deadline: Deadline | None = None, places: tuple[tuple[Array, Array], ...] = (),
     ) -> None:  # fmt: skip
         self.compiled = compiled
         self.deadline = deadline or unlimited()
         self.segments = tuple(segments)
         self.scales = scales
         self.var_order = var_order
+        self.places = places  # (x, u) at which a free gain has to forget, beside the middle
         self._acting: dict[int, tuple[bytes, Array]] = {}
         self._counts: dict[int, tuple[bytes, int]] = {}
         self._gain: tuple[bytes, Array] | None = None
@@ -57,6 +58,10 @@ class Evaluator:
     def with_order(self, order: int) -> Self:
         """Return the same predictor with another noise-model order."""
         return type(self)(self.compiled, self.segments, self.scales, order, self.deadline)
+
+    def held_at(self, places: tuple[tuple[Array, Array], ...]) -> Self:
+        """Return the same predictor for gains that forget at these states and inputs (x, u), too."""
+        return type(self)(self.compiled, self.segments, self.scales, self.var_order, self.deadline, places)
 
     def run(self, point: Point, index: int) -> tuple[Array, Array, Array]:
         """Return innovations (N, l), predictions (N, l) and states (N + 1, n) of one segment."""
@@ -172,8 +177,7 @@ class Evaluator:
         A free gain that leaves the predictor unstable counts as diverging: over a short stretch its own start hides
         the growth, over other data nothing does.
         """
-        step = self.segments[0].step
-        if point.K is not None and not forgets(self.compiled, self.middle, point.theta, self.gain(point), step):
+        if point.K is not None and not self._forgets(point):
             return HUGE
         innovations = self.innovations(point)
         noise = self.noise_of(innovations)
@@ -183,6 +187,10 @@ class Evaluator:
         rows = int(np.sum(known & ~early))
         value = 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
         return value + self._of_early_rows(innovations, noise, int(np.sum(known & early)))
+
+    def _forgets(self, point: Point) -> bool:
+        step, K = self.segments[0].step, self.gain(point)
+        return all(forgets(self.compiled, at, point.theta, K, step) for at in (self.middle, *self.places))
 
     def _of_early_rows(self, innovations: Sequence[Array], noise: Noise, count: int) -> float:
         """Return minus the log-likelihood of rows whose lags reach before their stretch, but for a constant."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.ahead import foretold
+from aeolid.diagnose.predictor.bounded import held_starts, runs_away_at
 from aeolid.diagnose.predictor.evaluation import HUGE, Evaluator
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.kinks import beyond_kinks
@@ -38,9 +39,20 @@ class Predictor(Evaluator):
     """Evaluate and fit one compiled model on a set of segments."""
 
     def fit(self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02) -> Fit | None:
-        """Maximise the likelihood from `start` and return what stands there; None where the start itself diverges."""
+        """Maximise the likelihood from `start` and return what stands there; None where the start itself diverges.
+
+        A free gain that lets errors grow at states that the data lead to is fitted again among those that do not.
+        """
         found = self.climb(start, free, iterations, tolerance)
-        return None if found is None else self.at(found[1], free)
+        if found is None:
+            return None
+        places = runs_away_at(self, found[1]) if free.gain else ()
+        if places:
+            held = self.held_at(places)
+            starts = held_starts(held, (found[1], start), free)
+            reached = [held.climb(s, free, iterations, tolerance) for s in starts]
+            found = min((r for r in reached if r is not None), key=lambda r: r[0], default=found)
+        return self.at(found[1], free)
 
     def climb(
         self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02
