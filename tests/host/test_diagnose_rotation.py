@@ -75,6 +75,26 @@ def test_folds_prove_what_most_of_them_chose(agrees: bool, low: float, gain: flo
     assert Rotation((fold,), (low, 2 * gain), agrees).proves is proves
 
 
+@pytest.mark.parametrize(
+    ("intervals", "agrees", "against"),
+    [
+        (((60.0, 80.0), (60.0, 75.0), (0.0, 0.0), (-800.0, -600.0), (60.0, 73.0)), True, 1),
+        (((60.0, 80.0), (60.0, 75.0), (0.0, 0.0), (-800.0, -600.0), (60.0, 73.0)), False, 0),
+        (((60.0, 80.0), (-5.0, 9.0), (0.0, 0.0), (-800.0, -600.0), (0.5, 73.0)), True, 0),
+        (((60.0, 80.0), (60.0, 75.0), (-80.0, -60.0), (-800.0, -600.0), (60.0, 73.0)), True, 0),
+        (((60.0, 80.0), (60.0, 75.0), (-5.0, 4.0)), True, 0),
+    ],
+    ids=["one against three", "no agreement", "one alone", "three to two", "none against"],
+)
+def test_a_fold_against_what_most_bear_out_is_told(
+    intervals: tuple[tuple[float, float], ...], agrees: bool, against: int
+) -> None:
+    folds = tuple(Fold(f"{k}", None, np.full(300, sum(ends) / 600), ends) for k, ends in enumerate(intervals))
+    turned = Rotation(folds, (-700.0, 150.0), agrees)
+    assert len(turned.against) == against and all(f.interval[1] < 0 for f in turned.against)
+    assert Rotation(folds, (20.0, 150.0), True).against == () or turned.gain < 0
+
+
 def lagging(folder: Path, tau_s: float) -> Case:
     """Return six runs of 12 s of a machine behind a lag; the third, soon lost, shows it after a step at rest."""
     path, truth = folder / "model.toml", folder / "truth.toml"

@@ -59,3 +59,25 @@ def test_one_fit_begins_where_a_sensor_s_values_pile_up(tmp_path: Path) -> None:
     assert begun is not None
     low = only.extended.index(sensor.slots[0].name)
     assert [float(point.theta[low]) for _, point in begun.found].count(sensor.grid[0][sensor.slots[0].name]) == 1
+
+
+def test_a_stop_that_nothing_touches_stands_where_it_never_acts(tmp_path: Path) -> None:
+    """At the edge of the fitted data, where fits begin, it would act on all that goes further."""
+    rng = np.random.default_rng(7)
+    push = np.repeat(rng.uniform(-10, 16, 200), 10)
+    stopped = SWING.replace("(push - c*v - k*q)/m", "(push - c*v - k*q - 4e3*max(q - 0.4, 0)*max(1 + 0.8*v, 0))/m")
+    (tmp_path / "clean").mkdir()
+    (tmp_path / "seen").mkdir()
+    values = np.column_stack([push, np.zeros((2000, 2))])
+    clean = load_case(write_case(tmp_path / "clean", stopped, STEP, SWING_CHANNELS, values))
+    y = clean.baseline.simulate(clean.records[0])  # type: ignore[union-attr]
+    y = y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    seen = load_case(write_case(tmp_path / "seen", SWING, STEP, SWING_CHANNELS, np.column_stack([push, y])))
+    stage = prepare(seen)
+    (stop,) = (a for a in stage.hypotheses if a.entry == "end_stop")
+    (found,) = fit_rows(stage, score_bank(stage, [stop], 1).rows)
+    told = found.values[stop.key]
+    assert told["low_stop"][0] == next(s.idle for s in stop.slots if s.label == "low_stop")
+    for label, value in (("high_stop", 0.4), ("stop_stiffness", 4e3), ("stop_loss", 0.8)):
+        assert abs(told[label][0] - value) < 4 * told[label][1] < value, label
+    assert "a stop at 0.4 m bounds the motion" in found.says(stop)

@@ -10,6 +10,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, values_of, without_the_mute
 from aeolid.diagnose.candidates.refit import without_slopes
+from aeolid.diagnose.candidates.seen_values import with_limits_at_rest
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
@@ -45,6 +46,7 @@ def estimated_on_all(prepared: Prepared, candidate: Candidate) -> Candidate:
         return candidate
     predictor, fit = found
     model = predictor.compiled.model
+    fit = with_limits_at_rest(predictor, fit, fit.free, candidate.attachments)
     fit = without_the_mute(candidate.attachments, fit, model)
     if objection(candidate.attachments, fit, model, candidate.fit_gain, candidate.parameters):
         return candidate

@@ -13,7 +13,12 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
-from aeolid.diagnose.candidates.seen_values import from_another_value, with_values_held, without_values
+from aeolid.diagnose.candidates.seen_values import (
+    from_another_value,
+    with_limits_at_rest,
+    with_values_held,
+    without_values,
+)
 from aeolid.diagnose.candidates.simulation_starts import simulation_starts
 from aeolid.diagnose.candidates.starts import starts_of
 from aeolid.diagnose.hypotheses.catalogue import entry
@@ -166,6 +171,7 @@ def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidat
         return None
     if prepared.surrogate is None:
         fit = from_another_value(predictor, fit, free, begun.attachments)
+        fit = with_limits_at_rest(predictor, fit, free, begun.attachments)
     order = predictor.choose_var_order(fit.point)
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
         predictor, fit = with_more_noise(predictor, order, fit, free)

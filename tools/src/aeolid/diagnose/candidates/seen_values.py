@@ -51,3 +51,19 @@ def from_another_value(predictor: Predictor, fit: Fit, free: Free, attachments: 
         return fit
     again = fit_quietly(predictor, best, free)
     return fit if again is None or again.log_posterior <= fit.log_posterior else again
+
+
+def with_limits_at_rest(predictor: Predictor, fit: Fit, free: Free, attachments: Sequence[Attachment]) -> Fit:
+    """Return the fit with every limit where it never acts that the data do not need.
+
+    A limit beyond what the fitted data reach has no slope and stays where it began, at the edge of them; other data go
+    further. Of a cart's two stops one was touched by the fitted part; the other stood 9 % short of where it is, and the
+    block that touched that one lost 947 nats, where four gained 300 to 430.
+    """
+    model, point = predictor.compiled.model, fit.point
+    idle = {s.name: s.idle for a in attachments for s in a.slots if s.idle is not None and s.name not in a.fixed}
+    for name, value in idle.items():
+        moved = shifted(point, model, {name: value})
+        if predictor.objective(moved) <= predictor.objective(point) + in_force().evidence.tied_nats:
+            point = moved
+    return fit if point is fit.point else predictor.at(point, free)

@@ -84,6 +84,15 @@ class Rotation:
         """Tell whether the folds together bear out what is named."""
         return self.agrees and self.speaks
 
+    @property
+    def against(self) -> tuple[Fold, ...]:
+        """Return the folds that refute what most that are not silent bear out; none where it is not so."""
+        least = in_force().evidence.proven_nats
+        borne_out = sum(f.interval[0] > least for f in self.folds)
+        found = tuple(f for f in self.folds if f.interval[1] < 0.0)
+        most = in_force().validation.agreeing_share * (borne_out + len(found))
+        return found if self.agrees and not self.proves and borne_out >= max(most, 2) else ()
+
     def to_json(self) -> dict[str, Any]:
         """Return the content of `rotation` in diagnosis.json."""
         return {

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
+
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.diagnose.hypotheses.parts.forces import force_on, natural, per, say, travel, with_spring
+from aeolid.diagnose.hypotheses.parts.forces import force_on, natural, per, travel, with_spring
 from aeolid.diagnose.structure.anatomy import Motion
 
 _ENDS = (0.95, 0.85, 0.7, 0.5)  # of the travel seen, where both stops are tried
 _WITHIN = (0.6, 0.35, 0.1)  # the same where one stop is tried at a recorded position
 _STIFF = 1e4  # times the natural stiffness: beyond that a sample cannot tell
 _SAMPLED = 1.0  # of a model in discrete time: radians that what a stop catches turns in a sample, at most
+_IDLE = 1.9  # halves of the travel seen from its middle, where a stop that nothing touches stands
 _LOSSES = (0.0, 1.0)  # that fits start from, by the typical velocity
 _MOST_LOSS = 20.0  # by the typical velocity: no rebound is left
 
@@ -29,10 +33,13 @@ def _on(site: Site, motion: Motion, number: int) -> Attachment:
     ends = [(-share, share) for share in _ENDS] + [(-1.5, 0.85), (-0.85, 1.5)]  # both, only above, only below
     if motion.recorded is not None:  # no force drives it back: it may be anywhere beyond a stop
         ends += [pair for share in _WITHIN for pair in ((-1.5, share), (-share, 1.5))]
+    idle = middle - _IDLE * half, middle + _IDLE * half
     slots = [
         Slot(stop, "stop_stiffness", unit, 0.0, 0.0, _stiffest(site, motion), 1e-3 * natural(motion)),
-        Slot(low, "low_stop", length, middle - half, middle - 2 * half, middle, 0.1 * half, local=False),
-        Slot(high, "high_stop", length, middle + half, middle, middle + 2 * half, 0.1 * half, local=False),
+        Slot(low, "low_stop", length, middle - half, middle - 2 * half, middle, 0.1 * half, local=False, idle=idle[0]),
+        Slot(
+            high, "high_stop", length, middle + half, middle, middle + 2 * half, 0.1 * half, local=False, idle=idle[1]
+        ),
     ]
     starts = [{}, *({stop: times * natural(motion)} for times in (1, 10))]
     lossy = motion.recorded is None and motion.velocity_size > 0  # where a speed is known
@@ -45,11 +52,16 @@ def _on(site: Site, motion: Motion, number: int) -> Attachment:
         (_LOSSY if lossy else _ELASTIC).format(k=stop, low=low, high=high, loss=loss, q="{q}", v="{v}"),
         grid=tuple({low: middle + a * half, high: middle + b * half} for a, b in ends), starts=tuple(starts),
         equation=_equation(_LOSSY if lossy else _ELASTIC), essential=(stop,),
-        statement=say(
-            f"stops at {{low_stop:.3g}} {length} and {{high_stop:.3g}} {length} bound the motion at {motion.location}"
-            f" ({{stop_stiffness:.3g}} {unit}); the model has none"
-        ),
+        statement=partial(_statement, motion.location, (length, unit), idle),
     )  # fmt: skip
+
+
+def _statement(where: str, units: tuple[str, str], idle: tuple[float, float], v: Mapping[str, float]) -> str:
+    low, high, stiff = v["low_stop"], v["high_stop"], f"({v['stop_stiffness']:.3g} {units[1]}); the model has none"
+    ends = [f"{end:.3g} {units[0]}" for end, acts in ((low, low > idle[0]), (high, high < idle[1])) if acts]
+    if len(ends) == 1:
+        return f"a stop at {ends[0]} bounds the motion at {where} {stiff}"
+    return f"stops at {' and '.join(ends) or 'its ends'} bound the motion at {where} {stiff}"
 
 
 def _equation(force: str) -> str:
