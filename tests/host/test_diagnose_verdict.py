@@ -83,7 +83,7 @@ def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypa
 @pytest.mark.parametrize(("worse", "said"), [(False, "named"), (True, "unnamed")])
 def test_folds_decide_nothing_against_a_sealed_part_that_is_foretold_worse(worse: bool, said: str) -> None:
     """A sensor's lag, 102 nats over three recordings in turn, raised the sealed one's error from 0.60 to 0.82."""
-    assert decided(-3.0, rotation=SimpleNamespace(proves=True, speaks=True, gain=130.0), worse=worse)[0] == said
+    assert decided(-3.0, rotation=SimpleNamespace(against=(), proves=True, speaks=True, gain=130.0), worse=worse)[0] == said
 
 
 @pytest.mark.parametrize(("alone", "said"), [(None, "named"), (0.99, "named"), (0.901, "immaterial")])
@@ -97,7 +97,7 @@ def test_what_shows_no_more_than_a_constant_has_no_name(alone: float | None, sai
 @pytest.mark.parametrize("low", [5.0, -3.0], ids=["by the sealed part", "by the folds"])
 def test_a_constant_that_is_a_little_off_has_no_name_however_it_is_proven(low: float) -> None:
     """A frequency 1.1 % off, which five folds bore out, was named on a recording that lacks nothing."""
-    turned = SimpleNamespace(proves=True, speaks=True, gain=130.0)
+    turned = SimpleNamespace(against=(), proves=True, speaks=True, gain=130.0)
     said, names, text = decided(low, rotation=turned, constant=True)
     assert (said, names) == ("immaterial", []) and text.startswith(
         "A difference is there beyond doubt, but small: drag"
@@ -108,7 +108,7 @@ def test_a_constant_that_is_a_little_off_has_no_name_however_it_is_proven(low: f
                                                      (False, True, "no_mismatch")])  # fmt: skip
 def test_what_folds_say_by_several_names_is_not_nothing(speaks: bool, visible: bool, said: str) -> None:
     """Springs of two kinds, 130 nats on parts left out in turn, 22 (-52 to 91) on the sealed one: no_mismatch."""
-    turned = SimpleNamespace(proves=False, speaks=speaks, gain=130.0, folds=())
+    turned = SimpleNamespace(against=(), proves=False, speaks=speaks, gain=130.0, folds=())
     found, names, text = decided(-3.0, rotation=turned, visible=visible)
     assert (found, names) == (said, [])
     assert ("gain 130 nats on the parts left out" in text and "drag of 0.4" in text) is (said == "unnamed")
@@ -117,7 +117,7 @@ def test_what_folds_say_by_several_names_is_not_nothing(speaks: bool, visible: b
 @pytest.mark.parametrize(("proves", "said"), [(True, "unnamed"), (False, "no_mismatch")])
 def test_what_all_parts_prove_and_the_sealed_one_refutes_is_not_nothing(proves: bool, said: str) -> None:
     """A sensor's range, 1287 nats in turn, its end estimated in a wrong place: -132 on the sealed part."""
-    turned = SimpleNamespace(proves=proves, speaks=proves, gain=1287.0, folds=())
+    turned = SimpleNamespace(against=(), proves=proves, speaks=proves, gain=1287.0, folds=())
     found, names, text = decided(-240.0, high=-45.0, rotation=turned)
     assert (found, names) == (said, [])
     assert ("drag of 0.4 gains 1287 nats" in text) is proves
