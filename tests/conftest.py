@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Generator
-from functools import cache, wraps
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,6 @@ MARKS = {  # the longest first, so that no worker waits for another at the end
 }
 MOST_PROCESSOR_S = 1200.0  # of the process that runs a test; the longest takes a tenth of it
 VERY_SLOW_S = 50.0  # a file of one piece that takes as long goes before everything: a guest that boots
-PREPARED = re.compile(r'scope="(module|session)"|^@cache$', re.M)  # a file's tests share what was prepared once
 
 
 ANSWERS = os.environ.get("AEOLID_ANSWERS")  # a folder; tests/studies/rounding.py asks for them
@@ -90,23 +88,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=place)
 
 
-@cache
-def stays_together(file: str) -> bool:
-    """Tell whether the tests of a file share fixtures or a cache, so that one worker should run them all."""
-    return bool(PREPARED.search(Path(file).read_text(encoding="utf-8")))
-
-
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give tests to whichever worker is free: alone, or a file at a time where its tests share what they prepare."""
-    from xdist.scheduler import LoadScopeScheduling
+    """Give tests to whichever worker is free, in the order above."""
+    from free_worker import FreeWorker
 
-    class FreeWorker(LoadScopeScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            file: str = nodeid.split("::", 1)[0]
-            return file if stays_together(str(config.rootpath / file)) else nodeid
-
-    config.option.loadscopereorder = False  # the order above
+    config.option.loadscopereorder = False
     return FreeWorker(config, log)
 
 

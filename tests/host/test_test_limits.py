@@ -55,6 +55,43 @@ def test_a_list_for_the_night_that_names_no_test_is_refused(tmp_path: Path) -> N
         assert done.returncode == code and words in done.stdout + done.stderr
 
 
+CRASHING = """
+import os, signal, pytest
+
+@pytest.mark.parametrize("k", range(12))
+def test_alone(k):
+    if k in {crashing}:
+        os.kill(os.getpid(), signal.SIGSEGV)
+"""
+TOGETHER = """
+import os, signal, pytest
+
+@pytest.fixture(scope="module")
+def prepared():
+    return 1
+
+@pytest.mark.parametrize("k", range(6))
+def test_together(prepared, k):
+    if k == 2:
+        os.kill(os.getpid(), signal.SIGSEGV)
+"""
+
+
+@pytest.mark.parametrize("crashing", [{0}, {5}, {10}, {11}, {3, 4, 11}])
+def test_a_worker_that_dies_fails_its_test_alone(tmp_path: Path, crashing: set[int]) -> None:
+    """Wherever in the run: the others' tests run all, once, and the run ends."""
+    for name in ("conftest.py", "free_worker.py", "processes_left.py", "processor_limit.py"):
+        shutil.copy(ROOT / "tests" / name, tmp_path)
+    for name in ("slow.txt", "night.txt"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "test_alone.py").write_text(CRASHING.replace("{crashing}", str(crashing)))
+    (tmp_path / "test_together.py").write_text(TOGETHER)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", ".", "-n", "2", "--dist"]
+    done = subprocess.run([*command, "loadscope"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    failed = len(crashing) + 1
+    assert done.returncode == 1 and f"{failed} failed, {18 - failed} passed" in done.stdout, done.stdout
+
+
 def test_a_word_that_is_no_mode_is_wrong_usage() -> None:
     done = subprocess.run(["sh", "tests/run", "fast"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr == "usage: sh tests/run [quick|nightly]\n"
