@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.baselines import baseline_of
-from aeolid.diagnose.baseline.frame import Frame, carry_fit, carry_prior, scales_of
+from aeolid.diagnose.baseline.frame import Frame, carry_fit, carry_point, carry_prior, scales_of
 from aeolid.diagnose.baseline.recorded_wind import PREFIX, SIZES, recorded_wind, smoothed_wind, with_smoothed_wind
 from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
@@ -100,6 +100,13 @@ class Prepared:
         predictor = predictor.with_order(self.predictor.var_order or 0).informed(prior)
         fit = carry_fit(self.fit, self.extended, model)
         return replace(self, predictor=predictor, attachments=tuple(attachments), free=free, fit=fit)
+
+    def carried(self, point: Point, source: Equations) -> Point:
+        """Return a point of another model on this stage's; what is held here has its own value again."""
+        own = carry_point(point, source, self.extended)
+        theta, free = self.fit.point.theta.copy(), list(self.free.theta)
+        theta[free] = own.theta[free]
+        return replace(own, theta=theta)
 
 
 def prepare(

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _VAR_ORDERS = (0, 1, 2)
 # Of a law without states, where no force with memory can stand for the noise, its own colour must.
 _MORE_ORDERS = (*_VAR_ORDERS, 4, 8)
+RICH_ORDERS = (*_MORE_ORDERS, 12)  # of what remains with an effect in the model, which it must outlast
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +71,18 @@ def _explained(e: Array, first: int, order: int) -> tuple[Array, Array]:
     return y[good], z[good]
 
 
-def preferred_order(innovations: Sequence[Array], burns: Sequence[int], *, stateless: bool = False) -> int:
+def preferred_order(
+    innovations: Sequence[Array], burns: Sequence[int], *, stateless: bool = False, orders: Sequence[int] | None = None
+) -> int:
     """Return the order of the noise model that BIC prefers; innovations (N, l) of each segment, `burns` rows unscored.
 
-    Among 0, 1 and 2, of a model without states also 4 and 8, as far as there are 20 rows a value.
+    Among `orders` (ascending), by default 0, 1 and 2, of a model without states also 4 and 8, as far as there are 20
+    rows a value.
     """
     rows = sum(len(e) - burn for e, burn in zip(innovations, burns, strict=True))
     outputs = innovations[0].shape[1]
     best, choice = np.inf, 0
-    for order in _MORE_ORDERS if stateless else _VAR_ORDERS:
+    for order in orders or (_MORE_ORDERS if stateless else _VAR_ORDERS):
         if rows < 20 * (order * outputs + 1):
             break
         noise = estimate_noise(innovations, burns, order)

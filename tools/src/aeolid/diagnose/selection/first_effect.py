@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline.frame import carry_point
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.control import survives_control
@@ -25,10 +24,9 @@ from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.hypotheses.parts.modes import highest_hz
 from aeolid.diagnose.predictor.explore import fit_quietly
-from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
-from aeolid.diagnose.selection.colour import survives_colour
+from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
 from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
@@ -250,9 +248,7 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     """
     evidence = in_force().evidence
     bare = prepared.only(())
-    points = [
-        _without_effects(carry_point(c.fit.point, c.predictor.compiled.model, bare.extended), bare) for c in candidates
-    ]
+    points = [bare.carried(c.fit.point, c.predictor.compiled.model) for c in candidates]
     starts = sorted(points, key=bare.predictor.objective)[:1]
     if (
         not starts
@@ -266,14 +262,6 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     return replace(bare, predictor=predictor, fit=fit)
 
 
-def _without_effects(point: Point, bare: Prepared) -> Point:
-    """Return the point with every parameter that the baseline holds at its declared value: an effect may move some."""
-    theta = bare.fit.point.theta.copy()
-    free = list(bare.free.theta)
-    theta[free] = point.theta[free]
-    return replace(point, theta=theta)
-
-
 def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
     """Return the leading accepted candidate that is a finding, and all with those that are none marked so."""
     while (winner := leading([c for c in candidates if is_accepted(c)])) is not None:
@@ -281,6 +269,8 @@ def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candi
             reason = f"{winner.key} gains as much on the simulation itself"
         elif not survives_colour(prepared, winner, candidates):
             reason = f"{winner.key} gains nothing beside noise in a band that the model lacks"
+        elif not survives_richer_noise(prepared, winner):
+            reason = f"{winner.key} gains nothing beside noise of a higher order"
         else:
             break
         refused = replace(winner, plausible=False, reason=reason)
