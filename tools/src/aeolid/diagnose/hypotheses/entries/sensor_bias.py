@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.imitation import imitated_by_forces
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
-from aeolid.diagnose.hypotheses.parts.wiring import imitated_by_forces, spread_of, unit_of_output, with_reading
+from aeolid.diagnose.hypotheses.parts.wiring import spread_of, unit_of_output, with_reading
 from aeolid.models.equations import Equations, Parameter
 
 

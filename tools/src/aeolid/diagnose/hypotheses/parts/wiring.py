@@ -10,15 +10,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.decompositions import svd
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.rules.hypotheses import HypothesesRules
-from aeolid.diagnose.structure.forces import FORCE
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, InputFilter, Memory, Output, Parameter
-from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, output_jacobian, simulate
+from aeolid.models.integrate import Compiled, compile_equations, simulate
 
 Array = NDArray[np.float64]
 SHARE_SIZE = 0.1  # the effects are blended in linearly, so that any step will do that stands above rounding
@@ -119,7 +116,7 @@ def _likeness(site: Site, least_rows: int) -> Array:
         if site.linear is not None:
             free = site.linear.simulate(site.u)
         else:
-            compiled = _compiled(site)
+            compiled = compiled_of(site)
             free = simulate(compiled, site.u, compiled.model.theta, compiled.model.x0, site.step)
     except DataError:
         return none
@@ -133,54 +130,6 @@ def _likeness(site: Site, least_rows: int) -> Array:
 
 
 @lru_cache(maxsize=4)
-def _compiled(site: Site) -> Compiled:
+def compiled_of(site: Site) -> Compiled:
+    """Return the model without the filters of its inputs, compiled."""
     return compile_equations(replace(site.model, filters=()))
-
-
-def imitated_by_forces(site: Site) -> tuple[bool, ...]:
-    """Tell for each output whether steady forces that nobody measured could move it alone.
-
-    The responses to a slow force on every state that noise drives span what disturbances do; a direction that lies in
-    this span, but for a tenth, says nothing about a sensor. A response that fades with the frequency (a speed, of a
-    mass on a spring) is none: the force would have to grow without end. The states of a linear model are anything, a
-    disturbance may enter all of them: every output is imitated.
-    """
-    return _imitated(site, in_force().hypotheses)
-
-
-@lru_cache(maxsize=4)
-def _imitated(site: Site, rules: HypothesesRules) -> tuple[bool, ...]:
-    if site.linear is not None:
-        return (True,) * len(site.output_names)
-    slow = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
-    moved, slower = (_responses(site, w) for w in (slow, 0.1 * slow))
-    if not slower.size or not np.all(np.isfinite(slower)) or not np.all(np.isfinite(moved)):
-        return (False,) * len(site.output_names)
-    steady = np.where(np.abs(slower) > rules.fading_ratio * np.abs(moved), slower, 0.0)
-    sizes = np.array([max(spread_of(y), 1e-300) for y in site.y.T])
-    scaled = steady / sizes[:, None]
-    U, s, _ = svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300))
-    inside = np.linalg.norm(U[:, s > rules.force_reach * max(s[0], 1e-300)], axis=1)
-    return tuple(bool(1 - x * x < rules.force_reach**2) for x in inside)
-
-
-def _responses(site: Site, turn: float) -> Array:
-    """Return the outputs' response (l, f) to the unmeasured forces of the model at its start, at `turn` rad/s."""
-    J, C, forces = _linearised(site)
-    if not np.any(forces) or not np.all(np.isfinite(J)):
-        return np.zeros((len(C), 0))
-    own, step = ~forces, site.model.sample_time_s
-    s = np.exp(1j * turn * step) if step else 1j * turn
-    moved = np.linalg.solve(s * np.eye(int(own.sum())) - J[np.ix_(own, own)], J[np.ix_(own, forces)].astype(complex))
-    result: Array = C[:, own] @ moved + C[:, forces]
-    return result
-
-
-@lru_cache(maxsize=4)
-def _linearised(site: Site) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the Jacobians of the equations at their start and which states are unmeasured forces."""
-    model = site.model
-    compiled, u = _compiled(site), np.median(site.u, axis=0)
-    J = numeric_jacobian(compiled, model.x0, u, model.theta)
-    C = output_jacobian(compiled, model.x0, u, model.theta)
-    return J, C, np.array([s.name.startswith(FORCE) for s in model.states])
