@@ -413,6 +413,40 @@ def test_a_bias_is_testable_only_where_no_force_does_the_same(reading: str, test
         assert not any(a.slots for a in entry(e).attach(site_of("state_space")))
 
 
+HANGING = """[model]
+name = "pendulum"
+[parameters]
+w2 = { value = 30.0, min = 1.0, max = 90.0, unit = "1/s^2", free = true }
+[[input]]
+name = "torque"
+[[state]]
+name = "q"
+derivative = "v"
+unit = "rad"
+[[state]]
+name = "v"
+derivative = "torque - 0.2*v - w2*sin(q)"
+unit = "rad/s"
+[[output]]
+name = "angle"
+equation = "q"
+unit = "rad"
+"""
+
+
+@pytest.mark.parametrize(("reach", "testable"), [(0.1, False), (2.0, True)])
+def test_a_pendulum_that_swings_far_has_a_zero_that_no_torque_imitates(reach: float, testable: bool) -> None:
+    """A steady torque holds it off by torque/(w2 cos q): the same as an offset of the angle near the bottom alone."""
+    model = shape_forces(equations_file.from_toml(tomllib.loads(HANGING), HANGING, "pendulum"), 12.0, STEP)[0]
+    y = reach * np.sin(np.linspace(0.0, 20.0, 600))[:, None]
+    site = site_of(
+        "equations", model=model, symbols=model.symbols, y=y, u=np.zeros((600, 1)), output_names=("angle",),
+        input_names=("torque",),
+    )  # fmt: skip
+    for e in ("sensor_bias", "sensor_drift"):
+        assert [bool(a.slots) for a in entry(e).attach(site)] == [testable]
+
+
 @pytest.mark.parametrize("kind", ["equations", "state_space"])
 def test_a_free_run_calls_for_signs_and_units(kind: str) -> None:
     """Where it resembles the recording but for sign or size, the hypothesis is fitted whatever its score."""

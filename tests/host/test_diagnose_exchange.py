@@ -25,7 +25,7 @@ from aeolid.diagnose.conclusion.sentence import sentence
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
-from aeolid.diagnose.selection.colour import survives_colour
+from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
 from aeolid.diagnose.selection.exchange import exchanged
 from aeolid.diagnose.selection.rivals import leads
 
@@ -151,12 +151,12 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     assert exchanged(prepared, later, small) == (later, ())  # too small to have a name beside what was found first
 
 
-def eddies(seed: int) -> Array:
-    """Noise in a narrow band at 4 Hz, (N,): what a resonance of 1 % damping makes of white noise."""
+def eddies(seed: int, hertz: float = 4.0, damping: float = 0.01, size: float = 0.02) -> Array:
+    """Noise in a narrow band, (N,): what a resonance makes of white noise."""
     rng, y = np.random.default_rng(seed), np.zeros(SAMPLES)
-    r, turn = np.exp(-0.01 * 8 * np.pi * STEP), 2 * np.cos(8 * np.pi * STEP)
+    r, turn = np.exp(-damping * 2 * np.pi * hertz * STEP), 2 * np.cos(2 * np.pi * hertz * STEP)
     for i in range(2, SAMPLES):
-        y[i] = r * turn * y[i - 1] - r * r * y[i - 2] + 0.02 * rng.standard_normal()
+        y[i] = r * turn * y[i - 1] - r * r * y[i - 2] + size * rng.standard_normal()
     return y
 
 
@@ -192,6 +192,21 @@ def test_beside_coloured_noise_only_what_is_there_still_gains(
     assert survives_colour(prepared, found[LAG], [found[LAG]])
     values = {mode: found[mode].values[mode] | {"damping": (0.3, 0.1)}}
     assert survives_colour(prepared, found[LAG], [replace(found[mode], values=values)])  # the colour of noise
+
+
+@pytest.mark.parametrize(
+    ("filtered", "real"), [(second_order(60.0, 0.9), True), (plain, False)], ids=["a filter that is there", "nothing"]
+)
+def test_beside_noise_of_a_higher_order_only_what_is_there_still_gains(
+    filtered: Callable[[Array], Array], real: bool, tmp_path: Path
+) -> None:
+    """Four resonances shake the speed's sensor, which no noise model of order 2 has room for; without them no look."""
+    loud = sum((eddies(seed, hertz, 0.05, 0.03) for seed, hertz in enumerate((2.0, 5.0, 8.0, 11.0))), np.zeros(SAMPLES))
+    for added, expected in ((loud, real), (0.0 * loud, True)):
+        rows = swing(0.0, filtered, np.outer(added, np.array([0.0, 1.0])))
+        prepared = prepare(load_case(write_case(tmp_path, SWING, STEP, SWING_CHANNELS, rows)))
+        (lag,) = fit_rows(prepared, rows_of(prepared, LAG))
+        assert survives_richer_noise(prepared, lag) is expected
 
 
 def test_a_fit_ends_at_one_optimum_wherever_it_starts(tmp_path: Path) -> None:
