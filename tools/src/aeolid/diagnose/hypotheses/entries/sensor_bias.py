@@ -53,8 +53,8 @@ ENTRY = Entry(
     equation="y_recorded = y + bias",
     source="Doebelin 2004, Measurement Systems, chapter 3 (zero offset)",
     quantities=(Quantity("bias", "unit of the output", -1e12, 1e12, 0.0, "recorded less true"),),
-    attaches_to="outputs of equations that no constant force could move alone; against a simulator's run of a turbine"
-    " the pitch angle and the zero of the rotor's angle; elsewhere it cannot be tested",
+    attaches_to="outputs of equations that no constant force could move alone wherever they go; against a simulator's"
+    " run of a turbine the pitch angle and the zero of the rotor's angle; elsewhere it cannot be tested",
     signature="a constant difference that contradicts the other outputs",
     confused_with=(
         ("parameter_error", "a wrong value changes with the operating point, a bias does not"),
