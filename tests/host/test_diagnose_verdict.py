@@ -271,9 +271,12 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     study: Any = SimpleNamespace(
         winner=leader, proof=proof, candidates=(leader,), bank=bank,
         rotation=SimpleNamespace(agrees=agrees, gain=folds), prepared=SimpleNamespace(linear=1),
+        declared_proof=SimpleNamespace(nrmse_after={"T1": 0.9, "T2": 0.01}),
     )  # fmt: skip
     monkeypatch.setattr(declared, "whispering", lambda bank: [])
     assert declared.also_speaking(study) == ([leader] if speaks else [])
+    study.declared_proof = SimpleNamespace(nrmse_after={"T1": 0.008})  # nothing that matters is left beside the values
+    assert declared.also_speaking(study) == []
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,8 @@ def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
         gains.append(each / _memory(new))
         before.append(old)
         after.append(new)
+    if float(np.nanmean(np.vstack(before))) <= in_force().validation.adequate_spread_share:
+        return None  # as good as any need be: values off by as much as usual, and what any sensor adds
     total = np.concatenate(gains)
     interval = block_interval(total, seed)
     own = np.array([law.fit([f]) for f in folds])

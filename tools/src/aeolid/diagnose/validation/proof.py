@@ -94,6 +94,11 @@ def is_material(proof: Proof, static: bool = False) -> bool:
     )
 
 
+def is_adequate(proof: Proof) -> bool:
+    """Tell whether, after the correction, every output is predicted as well as any need be over the settling time."""
+    return all(after <= in_force().validation.adequate_spread_share for after in proof.nrmse_after.values())
+
+
 def beyond(more: Proof, less: Proof) -> Proof:
     """Return a proof whose errors before are those after another one on the same data: what it shows beyond that."""
     profile = {
