@@ -279,6 +279,20 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     assert declared.also_speaking(study) == []
 
 
+@pytest.mark.parametrize(("share", "words"), [(0.03, "off, but by little: k"), (0.14, ", or several by no more than")])
+def test_a_value_that_others_share_is_not_told_as_off_by_little(
+    share: float, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cable 14 % softer alone, or with a drag and a spring beside it that are each off by a few per cent."""
+    k = SimpleNamespace(
+        parameter=SimpleNamespace(name="k", value=100.0, unit="N/m"), value=100.0 * (1 - share), distance=100.0 * share,
+        deviations=7.2,
+    )  # fmt: skip
+    monkeypatch.setattr(declared, "moved", lambda study: [k])
+    study: Any = SimpleNamespace()
+    assert words in declared.off_by_little(study)
+
+
 @pytest.mark.parametrize(
     ("values", "slight"),
     [

@@ -50,6 +50,17 @@ def are_slight(study: Study) -> bool:
     )  # fmt: skip
 
 
+def off_by_little(study: Study) -> str:
+    """Write the declared values that are off by little; where one is so only beside others, that these share it."""
+    evidence, known = in_force().evidence, in_force().conclusion.known_share
+    far = any(
+        m.distance > known * abs(m.parameter.value) for m in moved(study) if m.deviations > evidence.moved_deviations
+    )
+    if not far:
+        return f"declared values are surely off, but by little: {told_values(study)}"
+    return f"declared values are surely off: {told_values(study)}, or several by no more than constants usually are"
+
+
 def habit_ahead(study: Study) -> Candidate | None:
     """Return the part of a row by which a channel is late that explains far more than what would be named.
 

@@ -13,7 +13,7 @@ from aeolid.diagnose.conclusion.declared import (
     contradicted,
     form_speaking,
     habit_ahead,
-    told_values,
+    off_by_little,
 )
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
@@ -83,7 +83,7 @@ def _immaterial(study: Study) -> str:
     by_values = refitted is not None and refitted.interval[0] > evidence.proven_nats and contradicted(study)
     slight = study.winner is not None and is_slight(study.second or study.winner)
     if by_values or study.winner is None:
-        text = f"The structure is right, and declared values are surely off, but by little: {told_values(study)}"
+        text = f"The structure is right, and {off_by_little(study)}"
         return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."
     if (late := habit_ahead(study)) is not None:
         said = late.says(late.attachments[0])
