@@ -31,9 +31,17 @@ class FreeWorker(LoadScopeScheduling):  # type: ignore[misc]
         return file if stays_together(str(self.config.rootpath / file)) else nodeid
 
     def _reschedule(self, node: Any) -> None:
-        """Give a worker units of work until it has some waiting; where there are none left, let it end."""
+        """Give a worker units of work until it has some waiting; where there are none left, let it end.
+
+        Not one that has not said yet which tests it knows: it is asked again once it has.
+        """
+        if node not in self.registered_collections:
+            return
         while not node.shutting_down and (not self.workqueue or self._pending_of(self.assigned_work[node]) <= AHEAD):
-            super()._reschedule(node)
+            try:
+                super()._reschedule(node)
+            except OSError:  # it has died; what it was given is taken back when that is heard
+                return
 
     def remove_node(self, node: Any) -> str | None:
         """Forget a worker; one that died leaves the test it ran as done (told as failed) and the rest to the others."""

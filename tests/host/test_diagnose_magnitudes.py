@@ -18,7 +18,6 @@ from aeolid.diagnose.data.case import Case, load_case
 from aeolid.diagnose.predictor.gains import kalman_gain
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.scoring import directions, scores
-from aeolid.diagnose.selection import first_effect
 from aeolid.diagnose.structure.magnitudes import visible_sizes
 from aeolid.models import equations_file
 from aeolid.models.equations import Parameter
@@ -110,11 +109,13 @@ def test_directions_that_say_the_same_are_left_out_whatever_their_units() -> Non
     assert directions._independent(np.zeros((40, 0))).size == 0
 
 
-def test_a_baseline_is_not_bettered_by_what_it_holds_fixed() -> None:
+def test_a_baseline_is_not_bettered_by_what_it_holds_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hypothesis about a wrong inertia moves the inertia itself; carried over, it hid in the baseline."""
     fit = SimpleNamespace(point=Point(np.array([1.0, 2.0, 3.0]), np.zeros(0), None, ()))
-    bare: Any = SimpleNamespace(fit=fit, free=SimpleNamespace(theta=(1,)))
-    moved = first_effect._without_effects(replace(fit.point, theta=np.array([10.0, 20.0, 30.0])), bare)
+    bare: Any = SimpleNamespace(fit=fit, free=SimpleNamespace(theta=(1,)), extended=None)
+    monkeypatch.setattr("aeolid.diagnose.baseline.prepare.carry_point", lambda point, source, target: point)
+    source: Any = None
+    moved = Prepared.carried(bare, replace(fit.point, theta=np.array([10.0, 20.0, 30.0])), source)
     np.testing.assert_array_equal(moved.theta, [1.0, 20.0, 3.0])
 
 
