@@ -279,7 +279,8 @@ def _tuned(draw: Draw, samples: int, aim: float, faint: bool) -> float:
 def _late_enough(draw: Draw, strength: float) -> float:
     """Return a strength at which what is late is so by more than a measurement chain may be, if that is hidden at all.
 
-    All outputs late by less than a sample are told as how the recording was made, whatever made them so.
+    All outputs late by less than a sample are told as how the recording was made, whatever made them so; an analogue
+    command that is read as if it were held seems half a sample early.
     """
     (item,) = draw.items
     if draw.setup.chain is NONE or draw.sort == "impossible" or family_of((*item.accepted, "")[0]) != "input_lag":
@@ -288,7 +289,7 @@ def _late_enough(draw: Draw, strength: float) -> float:
     while label and strength < item.most:
         told = abs(value(place(draw, [strength])))
         late_s = _RINGING / told if label == "omega_rad_s" else told
-        if late_s >= _LATE * draw.setup.plant.step_s:
+        if late_s >= (_LATE + 0.5 * draw.setup.chain.analogue) * draw.setup.plant.step_s:
             break
         strength = float(f"{strength * 1.15:.3g}")
     return strength
@@ -303,11 +304,13 @@ def measure(draw: Draw, strength: Sequence[float], samples: int) -> Worth | None
     setup = place(draw, strength)
     if setup.declared.get("unconnected") or draw.sort == "fault":
         return None
-    hidden, bare = simulate(setup, samples, draw.seed), simulate(setup.bare, samples, draw.seed)
+    smooth = replace(setup, chain=replace(setup.chain, bits=0))
+    hidden, bare = simulate(smooth, samples, draw.seed), simulate(smooth.bare, samples, draw.seed)
     if not all(np.all(np.isfinite(v)) for v in hidden.values()):
         return Worth(np.inf, np.inf, -np.inf)
+    recorded = simulate(setup.bare, samples, draw.seed) if setup.chain.bits else bare
     random = any(i.random for i in draw.items)
-    return worth(setup, hidden, bare, random=random, loose=draw.kind != "equations")
+    return worth(setup, hidden, bare, recorded, random=random, loose=draw.kind != "equations")
 
 
 def unnamed_family(item: Item) -> str:

@@ -2,11 +2,13 @@
 
 Both come from one predictor of the plant without the effect: linearised by differences, discretised exactly for held
 inputs, with the Kalman gain of its own disturbances and sensor noise. It runs on the recording with the effect (e₁) and
-on the same recording, same seeds, without it (e₀). A truth that is known exactly leaves e₀, so d = e₁ − e₀, whitened,
-is the effect's signature; what the baseline's free values, gains and offsets can imitate of it on the first 70 % of the
-recording is taken off, and ½ Σ d² over the last 30 % is the expected gain on sealed data. It is a proxy: noise models
-could imitate more, nonlinear baselines less. For an effect that is itself random, d holds what nobody can foretell;
-there the gain is what a further linear prediction of e₁ from its own past gains on the same samples, less that of e₀.
+on the same recording, same seeds, without it (e₀). A truth that is known exactly leaves e₀, so d = e₁ − e₀ is the
+effect's signature, both before the converter, whose rounding differs between them and is no signature. The measurement
+chain colours e₀, and a slow effect is worth less below slow noise: an autoregression of e₀ as recorded whitens d. What
+the baseline's free values, gains and offsets can imitate of it on the first 70 % of the recording is taken off, and
+½ Σ d² over the last 30 % is the expected gain on sealed data. It is a proxy: noise models could imitate more, nonlinear
+baselines less. For an effect that is itself random, d holds what nobody can foretell; there the gain is what a further
+linear prediction of e₁ from its own past gains on the same samples, less that of e₀.
 """
 
 from __future__ import annotations
@@ -144,11 +146,13 @@ class Predictor:
 
 
 def worth(
-    setup: Setup, hidden: dict[str, Array], bare: dict[str, Array], *, random: bool = False, loose: bool = False
-) -> Worth:
+    setup: Setup, hidden: dict[str, Array], bare: dict[str, Array], recorded: dict[str, Array] | None = None, *,
+    random: bool = False, loose: bool = False,
+) -> Worth:  # fmt: skip
     """Compare the recording with the effect to that without.
 
-    random: the effect itself is noise; loose: input gains and output offsets of the baseline are free, too.
+    recorded: that without the effect behind the converter, where hidden and bare are before it; random: the effect
+    itself is noise; loose: input gains and output offsets of the baseline are free, too.
     """
     predictor = Predictor(setup.bare)
     e1, e0 = predictor.innovations(hidden), predictor.innovations(bare)
@@ -156,12 +160,13 @@ def worth(
     y1, y0 = (np.column_stack([c[o] for o in setup.outputs])[first:] for c in (hidden, bare))
     vaf1, vaf0 = (100 * (1 - e[first:].var(axis=0) / y.var(axis=0)) for e, y in ((e1, y1), (e0, y0)))
     moved = float(np.max(np.abs(vaf1 - vaf0)))
-    root = cholesky(np.cov(e0[SETTLE:].T).reshape(e0.shape[1], -1), lower=True)
-    white1, white0 = (solve_triangular(root, e.T, lower=True).T for e in (e1, e0))
     if random:
+        root = cholesky(np.cov(e0[SETTLE:].T).reshape(e0.shape[1], -1), lower=True)
+        white1, white0 = (solve_triangular(root, e.T, lower=True).T for e in (e1, e0))
         return Worth(max(0.0, _foretold(white1) - _foretold(white0)), moved, float(vaf1.min()))
-    d = white1 - white0
-    rows = _imitations(predictor, hidden, root, e1, loose)
+    whiten = Whitening((e0 if recorded is None else predictor.innovations(recorded))[SETTLE:])
+    d = whiten(e1 - e0)
+    rows = _imitations(predictor, hidden, whiten, e1, loose)
     fit = slice(SETTLE, first)
     flat = [r[fit].ravel() for r in rows]
     weights = lstsq(np.column_stack(flat), d[fit].ravel(), rcond=1e-10)
@@ -169,7 +174,30 @@ def worth(
     return Worth(float(0.5 * np.sum(rest[first:] ** 2)), moved, float(vaf1.min()))
 
 
-def _imitations(predictor: Predictor, columns: dict[str, Array], root: Array, e: Array, loose: bool) -> list[Array]:
+class Whitening:
+    """Whiten in time and over the outputs, as the noise e (N, l) asks for: its autoregression of PAST samples."""
+
+    def __init__(self, e: Array) -> None:
+        now = e[PAST:]
+        self.theta: Array = lstsq(_past(e), now, rcond=1e-10)
+        left = now - _past(e) @ self.theta
+        self.root = cholesky(np.cov(left.T).reshape(e.shape[1], -1), lower=True)
+
+    def __call__(self, d: Array) -> Array:
+        """Return d (N, l) so that it counts in deviations of the noise; nothing is known before its first sample."""
+        begun = np.vstack([np.zeros((PAST, d.shape[1])), d])
+        left = d - _past(begun) @ self.theta
+        return np.asarray(solve_triangular(self.root, left.T, lower=True).T)
+
+
+def _past(e: Array) -> Array:
+    """Return the PAST samples before each sample of e (N, l) but the first PAST, the last first (N − PAST, PAST·l)."""
+    return np.hstack([e[PAST - 1 - j : len(e) - 1 - j] for j in range(PAST)])
+
+
+def _imitations(
+    predictor: Predictor, columns: dict[str, Array], whiten: Whitening, e: Array, loose: bool
+) -> list[Array]:  # fmt: skip
     """Return how the whitened innovations move with each free value, input gain and output offset."""
     setup, rows = predictor.setup, []
     for field in setup.plant.free:
@@ -180,14 +208,13 @@ def _imitations(predictor: Predictor, columns: dict[str, Array], root: Array, e:
     if loose:
         rows += [predictor.innovations(columns, gain=i) - e for i in range(len(setup.plant.inputs))]
         rows += [np.eye(e.shape[1])[i] * np.std(e[:, i]) * np.ones((len(e), 1)) for i in range(e.shape[1])]
-    white = [solve_triangular(root, r.T, lower=True).T for r in rows]
+    white = [whiten(r) for r in rows]
     return [w / max(float(np.sqrt(np.mean(w**2))), 1e-300) for w in white]
 
 
 def _foretold(e: Array) -> float:
     """Return the nats that a linear prediction of e from its last samples, found on the fit part, gains when sealed."""
-    N, first = len(e), int(SEALED * len(e))
-    past = np.hstack([e[PAST - 1 - j : N - 1 - j] for j in range(PAST)])
+    first, past = int(SEALED * len(e)), _past(e)
     now, cut = e[PAST:], first - PAST
     ridge = 1e-3 * cut * np.eye(past.shape[1])
     theta = np.linalg.solve(past[:cut].T @ past[:cut] + ridge, past[:cut].T @ now[:cut])
