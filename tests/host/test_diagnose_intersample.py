@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 from aeolid.compiled import njit
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates import settle_sampling
+from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.feedback import feedback_of
 from aeolid.diagnose.candidates.sampling_choice import Choice, choice_of
 from aeolid.diagnose.candidates.settle_sampling import settle
@@ -302,3 +303,36 @@ def test_inputs_are_known_by_their_samples() -> None:
     assert [(t.kind, t.hold) for t in found] == [
         ("held", "zoh"), ("rough", "zoh"), ("smooth", None), ("declared", "foh"),
     ]  # fmt: skip
+
+
+def test_beside_what_ran_to_its_end_it_is_asked_whatever_the_slope(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    """A value that its range holds takes the slope of all else away: 147 nats of a filter promised none."""
+    prepared, alone = stage(tmp_path, rows("held", -0.4))
+    monkeypatch.setattr(settle_sampling, "_promised", lambda predictor, at, place: (0.0, 0.0))
+    fitted = {
+        at_end: SimpleNamespace(
+            predictor=prepared.predictor, fit=prepared.fit, attachments=prepared.attachments, at_end=at_end
+        )
+        for at_end in (False, True)
+    }
+    case = load_case(tmp_path)
+    assert settle(case, prepared, cast(Candidate, fitted[False])) is None
+    found = settle(case, prepared, cast(Candidate, fitted[True]))
+    assert found is not None and found.late_s == pytest.approx(alone.late_s, abs=0.02 * STEP)
+
+
+def test_readings_are_asked_beside_what_leads_and_what_nearly_leads_at_its_end() -> None:
+    def fitted(entry: str, score: float, plausible: bool = True, at_end: bool = False, undriven: bool = False) -> Any:
+        return SimpleNamespace(
+            attachments=[SimpleNamespace(entry=entry)], score=score, plausible=plausible, at_end=at_end,
+            undriven=undriven,
+        )  # fmt: skip
+
+    lag, twin, limit = fitted("lag", 100.0), fitted("lag", 90.0), fitted("limit", 80.0)
+    lift, mode = fitted("lift", 95.0, False, True), fitted("mode", 99.0, False, True, True)
+    faint, refused = fitted("faint", 40.0, False, True), fitted("refused", 97.0, False)
+    found = settle_sampling._leaders([faint, mode, limit, lift, twin, lag, refused])
+    assert found == [lag, limit, lift]
+    assert settle_sampling._leaders([lift]) == []  # nothing leads
