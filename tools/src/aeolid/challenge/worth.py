@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky, expm, solve_discrete_are, solve_triangular
 
+from aeolid.challenge.chain import NONE
 from aeolid.challenge.plants import Setup
 from aeolid.compiled import njit
 from aeolid.decompositions import lstsq
@@ -164,7 +165,8 @@ def worth(
         root = cholesky(np.cov(e0[SETTLE:].T).reshape(e0.shape[1], -1), lower=True)
         white1, white0 = (solve_triangular(root, e.T, lower=True).T for e in (e1, e0))
         return Worth(max(0.0, _foretold(white1) - _foretold(white0)), moved, float(vaf1.min()))
-    whiten = Whitening((e0 if recorded is None else predictor.innovations(recorded))[SETTLE:])
+    noise = e0 if recorded is None else predictor.innovations(recorded)
+    whiten = Whitening(noise[SETTLE:], in_time=setup.chain is not NONE)  # without a chain innovations are white
     d = whiten(e1 - e0)
     rows = _imitations(predictor, hidden, whiten, e1, loose)
     fit = slice(SETTLE, first)
@@ -175,18 +177,21 @@ def worth(
 
 
 class Whitening:
-    """Whiten in time and over the outputs, as the noise e (N, l) asks for: its autoregression of PAST samples."""
+    """Whiten in time and over the outputs, as the noise e (N, l) asks for: its autoregression of PAST samples.
 
-    def __init__(self, e: Array) -> None:
-        now = e[PAST:]
-        self.theta: Array = lstsq(_past(e), now, rcond=1e-10)
-        left = now - _past(e) @ self.theta
+    in_time: False where e is white in time.
+    """
+
+    def __init__(self, e: Array, *, in_time: bool = True) -> None:
+        self.theta: Array = np.zeros((PAST * e.shape[1], e.shape[1]))
+        if in_time:
+            self.theta = lstsq(_past(e), e[PAST:], rcond=1e-10)
+        left = e[PAST:] - _past(e) @ self.theta if in_time else e
         self.root = cholesky(np.cov(left.T).reshape(e.shape[1], -1), lower=True)
 
     def __call__(self, d: Array) -> Array:
         """Return d (N, l) so that it counts in deviations of the noise; nothing is known before its first sample."""
-        begun = np.vstack([np.zeros((PAST, d.shape[1])), d])
-        left = d - _past(begun) @ self.theta
+        left = d - _past(np.vstack([np.zeros((PAST, d.shape[1])), d])) @ self.theta
         return np.asarray(solve_triangular(self.root, left.T, lower=True).T)
 
 
