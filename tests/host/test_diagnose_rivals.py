@@ -246,6 +246,14 @@ def test_a_constant_is_more_often_wrong_than_a_calibrated_sensor() -> None:
     assert leaves_open(mass, other, 1 / 11) and leaves_open(other, factor, 1 / 11)
 
 
+def test_beside_a_wrong_value_nothing_is_missing_that_explains_far_less() -> None:
+    """A mode 45 nats behind a mass was said beside it, with a share of 2e-20."""
+    mass, mode = candidate(60.0, 20.0, name="parameter_error"), candidate(15.0, 20.0, name="structural_mode")
+    assert not leaves_open(mass, mode, 2e-20) and leaves_open(mass, mode, 1e-4)
+    assert leaves_open(mass, mass, 2e-20)  # another value is no other structure
+    assert leaves_open(mode, mass, 2e-20) and leaves_open(mode, candidate(15.0, 20.0, name="backlash"), 2e-20)
+
+
 def test_that_the_structure_is_right_is_one_claim_whichever_value_is_wrong() -> None:
     """A torque 9 % low, or one of three values that are each a little less likely."""
     torque = candidate(60.0, 20.0, name="cp_change")
