@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.forensics import examine, rails
 from aeolid.diagnose.data.resample import factor_for
-from aeolid.diagnose.data.split import Split, split_records
+from aeolid.diagnose.data.split import Split, segments_of, split_records
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Channel, Record
 
@@ -42,6 +42,18 @@ def rows_of(split: Split) -> dict[str, dict[str, list[int]]]:
 
 def divide(records: list[Record], settle_s: float = 2.0, stride: int = 1) -> Split:
     return split_records(records, ["u"], ["y"], settle_s, stride)
+
+
+@pytest.mark.parametrize(("hole", "cut"), [((200, 300), True), ((200, 230), False)])
+def test_a_recording_is_cut_where_one_of_its_outputs_is_missing_for_long(hole: tuple[int, int], cut: bool) -> None:
+    """Nothing is scored there, and with one output alone the gain of both may let the states run away."""
+    table = np.column_stack([np.ones(1000), np.arange(1000.0), np.arange(1000.0)])
+    table[hole[0] : hole[1], 2] = np.nan  # the other output goes on
+    table[400:500, 1:] = np.nan  # nothing was logged: states go on by the model
+    channels = (*CHANNELS, Channel("z", "m", "output"))
+    made = Record(STEP * np.arange(1000), table, channels, STEP, "a.csv", "")
+    found = [(int(s.y[0, 0]), int(s.y[-1, 0])) for s in segments_of(made, (0, 1000), ["u"], ["y", "z"], 0.0)]
+    assert found == ([(0, 199), (300, 999)] if cut else [(0, 999)])
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

@@ -95,13 +95,17 @@ def segments_of(
 ) -> list[Segment]:  # fmt: skip
     """Return the stretches of samples rows[0] … rows[1] − 1 of which all inputs and some outputs are known.
 
+    Where one of several outputs is missing for as long as a stretch of the usual plan, the recording is cut, too:
+    nothing is scored there, and a gain that was made for all outputs need not be stable with the others alone (a
+    motor's, beside a load's speed that was stuck for 36 s, ran away: errors of 22,000 nats in the rows where the sensor
+    came back).
     least: samples of a stretch; where recordings have no longer ones, the fewest of the rules in force.
     """
     start, stop = rows
     least = in_force().data.fewest_samples if least is None else least
     found = [
         _segment(record, inputs, outputs, start + a, start + b, settle_s, stride)
-        for a, b in _finite_stretches(record.columns(inputs)[start:stop], stride, least)
+        for a, b in _stretches(_usable(record, inputs, outputs, stride)[start:stop], least * stride)
     ]
     return [s for s in found if _says_something(s)]
 
@@ -139,10 +143,20 @@ def _cut(record: Record, shares: dict[str, float], settle_s: float) -> list[tupl
     return plan
 
 
-def _finite_stretches(u: Array, stride: int, least: int) -> list[tuple[int, int]]:
-    good = np.concatenate([[False], np.all(np.isfinite(u), axis=1), [False]])
-    edges = np.flatnonzero(np.diff(good.astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least * stride]
+def _usable(record: Record, inputs: Sequence[str], outputs: Sequence[str], stride: int) -> NDArray[np.bool_]:
+    """Tell which samples (N,) have all inputs and do not lie where some outputs are missing for long."""
+    known = np.isfinite(record.columns(outputs))
+    partly = np.any(known, axis=1) & ~np.all(known, axis=1)
+    usable: NDArray[np.bool_] = np.all(np.isfinite(record.columns(inputs)), axis=1)
+    for a, b in _stretches(partly, in_force().data.settled_samples * stride):
+        usable[a:b] = False
+    return usable
+
+
+def _stretches(good: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+    """Return where (N,) is true for so many samples or more: begin and end of each stretch."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
 
 
 def _segment(
