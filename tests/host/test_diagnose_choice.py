@@ -269,7 +269,10 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
         return SimpleNamespace(attachment=attachment(entry, output), z=z, fair=-np.inf, basis=bases.get(entry))
 
     def fitted(entry: str, output: str, gain: float, at_end: bool = False, fit: float = 0.0, **is_: bool) -> Any:
-        a, usual = attachment(entry, output), {"plausible": True, "accepted": True, "is_plainer": False}
+        a, usual = (
+            attachment(entry, output),
+            {"plausible": True, "accepted": True, "is_plainer": False, "undriven": False},
+        )
         return SimpleNamespace(
             attachments=(a,), key=a.key, fit_gain=fit or gain, score=gain, at_end=at_end, **(usual | is_)
         )
@@ -285,7 +288,11 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     bank: Any = Bank(rows, 5.0)
     found = kin(bank, [fitted("sensor_lag", "moment", 148.0), fitted("sensor_lag", "roof", 20.0)])
     assert [r.attachment.key for r in found] == ["sensor_second_order moment", "blade_flap bending"]
-    assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False)]) == []
+    refused = fitted("sensor_lag", "moment", 148.0, plausible=False)  # whatever is said against what fits best
+    assert [r.attachment.key for r in kin(bank, [refused])] == [r.attachment.key for r in found]
+    assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False, undriven=True)]) == []
+    ahead = fitted("backlash", "input", 200.0)
+    assert kin(bank, [ahead, refused]) == []
     over = fitted("sensor_second_order", "moment", 148.0, at_end=True, plausible=False)  # damped by all it may be
     assert "sensor_lag moment" in [r.attachment.key for r in kin(bank, [over])]
     plain = fitted("sensor_second_order", "moment", 148.0, plausible=False, is_plainer=True)  # it does not ring at all

@@ -190,9 +190,9 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     values and, as the catalogue says, is taken for an accepted effect at its place is kin whatever its score: of a
     spring that the fitted baseline never lets go of, play has none, and stops beside a spring five times too soft were
     named for it. The same of what ran to an end of its range, with no more values: a slider that slips at once is dry
-    friction (131 nats, not credible, and friction, of which the score said little, had not been fitted). And of what fits
-    best, whatever is said against it: blades set unevenly moved the tower sideways twice as far as they can (312 nats),
-    and a heavy blade, of the same family, had not been fitted.
+    friction (131 nats, not credible, and friction, of which the score said little, had not been fitted). And of what
+    fits best, whatever is said against it: blades set unevenly moved the tower sideways twice as far as they can (312
+    nats), and a heavy blade, of the same family, had not been fitted.
     """
     known = {c.key for c in fitted}
     best = max(fitted, key=lambda c: c.score, default=None)  # whatever is said against it
