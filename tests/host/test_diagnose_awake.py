@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,20 +25,41 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     return prepare(load_case(study.write_case(tmp_path_factory.mktemp("awake") / "case", hidden, 1200, 5)))
 
 
-def test_one_optimum_is_reached_from_where_a_fit_had_stopped(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def turbine(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    folder = tmp_path_factory.mktemp("awake") / "case"
+    sort, items, own = draw_all(30, 5)[12]
+    write_case(folder, build(sort, items, own, 1200, False), 1200)
+    return prepare(load_case(folder))
+
+
+def test_one_optimum_is_reached_from_where_a_fit_had_stopped(turbine: Prepared) -> None:
     """A turbine's gust as white noise, its memory silent: a local optimum, where one instruction set's fit ended.
 
     The other's ended 16 nats higher, and what one of them named was ambiguous with the other.
     """
-    sort, items, own = draw_all(30, 5)[12]
-    write_case(tmp_path / "case", build(sort, items, own, 1200, False), 1200)
-    found = prepare(load_case(tmp_path / "case"))
+    found = turbine
     predictor, free, noise = found.predictor, found.free, found.fit.point.noise.copy()
     noise[list(free.noise)] = STOPPED
     stuck = fit_quietly(predictor, replace(found.fit.point, noise=noise), free)
     assert stuck is not None and stuck.log_posterior < found.fit.log_posterior - 5
     raised = awake.awakened(predictor, stuck, free)
     assert raised.log_posterior == pytest.approx(found.fit.log_posterior, abs=1.0)  # less than any decision turns on
+
+
+def test_what_one_sensor_took_for_its_noise_is_given_back_by_all_others_together(
+    turbine: Prepared, monkeypatch: pytest.MonkeyPatch
+) -> None:  # fmt: skip
+    """All amplitudes are measured by one sensor's: where that is loud all others are silent, and each alone stays so."""
+    predictor, free, noise = turbine.predictor, turbine.free, turbine.fit.point.noise.copy()
+    noise[list(free.noise)] *= 1e-3
+    stuck = fit_quietly(predictor, replace(turbine.fit.point, noise=noise), free)
+    assert stuck is not None and stuck.log_posterior < turbine.fit.log_posterior - 50
+    together = awake.awakened(predictor, stuck, free)
+    every = awake._moved
+    monkeypatch.setattr(awake, "_moved", lambda point, free: every(point, free)[:-1])
+    alone = awake.awakened(predictor, stuck, free)
+    assert together.log_posterior > alone.log_posterior + 10  # ten nats decide between effects
 
 
 def test_what_is_raised_is_never_worse_and_ends_where_no_noise_is_worth_raising(prepared: Prepared) -> None:
