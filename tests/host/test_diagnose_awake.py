@@ -50,7 +50,7 @@ def test_one_optimum_is_reached_from_where_a_fit_had_stopped(turbine: Prepared) 
 def test_what_one_sensor_took_for_its_noise_is_given_back_by_all_others_together(
     turbine: Prepared, monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
-    """All amplitudes are measured by one sensor's: where that is loud all others are silent, and each alone stays so."""
+    """All amplitudes are measured by one sensor's: where that is loud, each other stays silent alone."""
     predictor, free, noise = turbine.predictor, turbine.free, turbine.fit.point.noise.copy()
     noise[list(free.noise)] *= 1e-3
     stuck = fit_quietly(predictor, replace(turbine.fit.point, noise=noise), free)
