@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.baselines import baseline_of
 from aeolid.diagnose.baseline.frame import Frame, carry_fit, carry_point, carry_prior, scales_of
-from aeolid.diagnose.baseline.recorded_wind import PREFIX, SIZES, recorded_wind, smoothed_wind, with_smoothed_wind
+from aeolid.diagnose.baseline.recorded_wind import (
+    PREFIX,
+    SIZES,
+    recorded_wind,
+    smoothed_readings,
+    smoothed_wind,
+    with_smoothed_wind,
+)
 from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.exogenous import Exogenous, exogenous_channels, with_exogenous
@@ -145,6 +152,7 @@ def prepare(
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
         working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context, _rails(records, outputs), bodies,
+        smoothed_readings(records, u[:, d + len(exogenous) :]),
     )  # fmt: skip
     attachments = told_apart([a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site)])
     frame = Frame(

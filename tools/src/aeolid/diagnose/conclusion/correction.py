@@ -9,7 +9,7 @@ import numpy as np
 
 from aeolid.diagnose.baseline.frame import carry_fit
 from aeolid.diagnose.baseline.prepare import Prepared
-from aeolid.diagnose.baseline.recorded_wind import SHARE
+from aeolid.diagnose.baseline.recorded_wind import SHARE, by_readings
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.conclusion.verdict import shown_proof
 from aeolid.diagnose.data.exogenous import with_exogenous, without_unused
@@ -116,6 +116,7 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
     attachments = candidate.attachments if candidate is not None else ()
     for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):
         model = a.edit(model)
+    model = by_readings(model, prepared.records, prepared.exogenous)
     fitted = prepared.extended if candidate is None else candidate.predictor.compiled.model
     values = dict(zip([p.name for p in fitted.parameters], fit.point.theta.tolist(), strict=True))
     for a in attachments:

@@ -40,6 +40,7 @@ class Site:
     are what the model's equations call its inputs; exogenous are channels (N, k) that the model has no use for.
     rails: of each output the ends ("low", "high") at which the values of all recordings pile up; what y shows where it
     is empty. bodies: those whose speeds a linear model's outputs show, where a force on one meets modes and all.
+    smooth: by name of a channel whose errors of reading are smoothed away, its text in a model and its samples (N,).
     """
 
     model: Equations
@@ -57,6 +58,7 @@ class Site:
     context: Mapping[str, Any]
     rails: tuple[Mapping[str, float], ...] = ()
     bodies: tuple[Motion, ...] = ()
+    smooth: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -40,15 +40,18 @@ class Point:
 
 
 def points(site: Site) -> list[Point]:
-    """List pitch inputs with each recorded scheduling channel (at most 2), with themselves where there is none."""
+    """List pitch inputs with each recorded scheduling channel (at most 2), with themselves where there is none.
+
+    A channel goes by its smoothed value where it has one.
+    """
     found = []
     channels = [c for c in site.exogenous if c.role == "scheduling"][:_MOST_CHANNELS]
     for i in pitch_path.pitch_inputs(site)[:1]:
         u, name, symbol = site.u[:, i], site.input_names[i], site.symbols[i]
-        on = [(c.name, c.symbol, c.unit, rotor.samples(site, c)) for c in channels]
-        on = on or [(name, symbol, site.model.inputs[i].unit, u)]
+        on = [(c.name, c.unit, *site.smooth.get(c.name, (c.symbol, rotor.samples(site, c)))) for c in channels]
+        on = on or [(name, site.model.inputs[i].unit, symbol, u)]
         deviation = f"({symbol} - {float(np.mean(u))!r})"
-        for k, (label, text, unit, values) in enumerate(on):
+        for k, (label, unit, text, values) in enumerate(on):
             if float(np.std(values)) > 0:
                 found.append(
                     Point(
