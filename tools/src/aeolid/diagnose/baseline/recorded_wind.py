@@ -183,9 +183,9 @@ def smoothed_readings(records: Sequence[Record], smoothed: Array) -> dict[str, t
 def by_readings(model: Equations, records: Sequence[Record], channels: Sequence[Exogenous]) -> Equations:
     """Return a model that goes by the wind as it was read where it went by the smoothed one, which no file has."""
     source = _source(records)
-    if source is None:
+    symbol = next((c.symbol for c in channels if c.name == source), None)
+    if source is None or symbol is None:
         return model
-    symbol = next(c.symbol for c in channels if c.name == source)
     read: dict[str, ast.expr] = {AT_ONCE: ex.parse(f"{symbol} - {_mean(records, source)!r}", "recorded wind")}
     return replace(
         model,
