@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline.baselines import baseline_of
+from aeolid.diagnose.baseline.baselines import Baseline, baseline_of
 from aeolid.diagnose.baseline.frame import Frame, carry_fit, carry_point, carry_prior, scales_of
 from aeolid.diagnose.baseline.recorded_wind import (
     PREFIX,
@@ -128,8 +128,7 @@ def prepare(
     deadline = deadline or unlimited()
     base = baseline_of(case, deadline)
     records, step = with_smoothed_wind(base.records, base.equations), base.records[0].sample_time_s
-    acting = [s.name for s in base.equations.inputs[: base.inputs]] if base.surrogate is None else []
-    sampling = sampling or declared_sampling(records, acting)
+    sampling = sampling or declared_sampling(records, _acting(base))
     declared, linear = with_sampling(base.equations, sampling, step), base.linear
     compiled = compile_equations(declared)
     outputs, exogenous = [o.name for o in declared.outputs], exogenous_channels(records, declared)
@@ -166,6 +165,11 @@ def prepare(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
         base.run, site, tuple(records), sampling,
     )  # fmt: skip
+
+
+def _acting(base: Baseline) -> list[str]:
+    """Return the inputs that may be read otherwise than held: none of a model that was fitted to a simulator's run."""
+    return [s.name for s in base.equations.inputs[: base.inputs]] if base.surrogate is None else []
 
 
 def _rails(records: Sequence[Record], outputs: Sequence[str]) -> tuple[dict[str, float], ...]:
