@@ -2,7 +2,8 @@
 
 `first` and `crossed` are effects on a direct drive of 15 MW and on a turbine of 2.8 MW at 16 m/s, the wind the same
 over the disc; `field` are effects on these in full fields of turbulence; `third` is a turbine of 5 MW with slender
-blades of 100 m and no torsion of its drive train.
+blades of 100 m and no torsion of its drive train; `sea` is the direct drive on a monopile in waves of 3 m at 14 m/s, and
+`floating` the same turbine on a semi-submersible at 16 m/s, every run with waves of its own.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from openfast_pairs.effects import Values
 TURN = math.pi / 180
 PLAIN = {  # seeds of the two runs of a turbine as it is, by wind
     ("iea15", "u16"): (11, 12), ("nrel28", "u16"): (21, 22), ("iea15", "f14"): (71, 72), ("nrel28", "f18"): (81, 82),
-    ("bar", "u16"): (91, 92),
+    ("bar", "u16"): (91, 92), ("pile15", "u14"): (111, 112), ("float15", "u16"): (131, 132),
 }  # fmt: skip
 
 
@@ -147,4 +148,22 @@ _THIRD: Mapping[str, tuple[Change, ...]] = {
         _twisted(103, 0.6), Change("shear", 104, shear=0.26),
     ),
 }  # fmt: skip
-SETS = {"first": _FIRST, "crossed": _CROSSED, "field": _FIELD, "third": _THIRD}
+_ROUGHER = (("sea", "WaveHs", 5.0), ("sea", "WaveTp", 11.0))
+_SEA: Mapping[str, tuple[Change, ...]] = {
+    "pile15": _in(
+        "u14", _lag(113, 0.3), _off("mode_tower", 114, "TwFADOF1"), Change("rougher_sea", 115, settings=_ROUGHER),
+        _aero("inflow", 116, "DBEMT_Mod"), Change("imbalance_mass", 117, heavy=1.02), _air(118, 0.92),
+        _play(119, 0.3), _off("mode_flap", 120, "FlapDOF1"), _late(121, 0.2), _softer_tower(122, 0.85),
+        _aero("unsteady", 123, "UA_Mod"), _off("mode_side", 124, "TwSSDOF1"),
+    ),
+}  # fmt: skip
+_FLOATING: Mapping[str, tuple[Change, ...]] = {
+    "float15": (
+        _lag(133, 0.3), _off("mode_tower", 134, "TwFADOF1"), Change("rougher_sea", 135, settings=_ROUGHER),
+        _off("mode_flap", 136, "FlapDOF1"), _twisted(137, 0.8), _air(138, 0.92), _second_order(139, 5.0),
+        Change("shear", 140, shear=0.28), _off("mode_edge", 141, "EdgeDOF"), _play(142, 0.3),
+    ),
+}  # fmt: skip
+SETS = {
+    "first": _FIRST, "crossed": _CROSSED, "field": _FIELD, "third": _THIRD, "sea": _SEA, "floating": _FLOATING,
+}  # fmt: skip

@@ -1,7 +1,8 @@
 """Turbines beside the simulator's own: decks that the ROSCO package brings, as OpenFAST 5.0 reads them.
 
 The package comes from the package index (`pip download rosco`), Apache 2.0; nothing of it is kept in the repository.
-The 15 MW turbine stands on a fixed base here: with its monopile and the sea a run takes ten times as long.
+The 15 MW turbine stands on a fixed base, on its monopile in waves, or floats; the floater's moorings are those of MAP++,
+and loads of the waves on the monopile are formed every 5 m, or a run would take ten times as long.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ class Deck:
     """Describe a turbine.
 
     folder: of the package's test cases; main: its folder with the .fst file; files: names from there by what they hold
-    (main, elastic, servo, aero, inflow, controller, tower, blade, sections); torque_N_m: size of the test signal;
-    hub_m, disc_m: height of the hub, side of the grid of full-field wind; pitch_deg: to start with, by wind in m/s.
+    (main, elastic, servo, aero, inflow, controller, tower, blade, sections; sea and water of those that stand in it);
+    torque_N_m: size of the test signal; hub_m, disc_m: height of the hub, side of the grid of full-field wind;
+    pitch_deg: to start with, by wind in m/s; settle_s: time that is not kept, for a floater finds its place slowly.
     """
 
     title: str
@@ -47,6 +49,7 @@ class Deck:
     ratio: float
     pitch_deg: Mapping[int, float]
     settings: tuple[Setting, ...] = ()
+    settle_s: float = 100.0
 
 
 _FIXED = ("PtfmSgDOF", "PtfmSwDOF", "PtfmHvDOF", "PtfmRDOF", "PtfmPDOF", "PtfmYDOF", "YawDOF")
@@ -62,13 +65,40 @@ def _names(stem: str, shared: str, controller: str) -> dict[str, str]:
     }  # fmt: skip
 
 
+def _in_the_sea(stem: str) -> dict[str, str]:
+    shared = "../IEA-15-240-RWT/IEA-15-240-RWT"
+    return _names(stem, shared, f"{stem}_DISCON.IN") | {"sea": f"{stem}_SeaState.dat", "water": f"{stem}_HydroDyn.dat"}
+
+
+_NEWER = (  # file, key, line after it: what OpenFAST 5.0 reads and the monopile's deck has not yet
+    ("sea", "WaveStMod", "0 WvCrntMod"), ("water", "PtfmCOByt", "0 NAddDOF"), ("water", "AMMod", "1 HstMod"),
+)  # fmt: skip
+_PITCH_15 = {12: 7.5, 14: 10.5, 16: 13.0, 18: 15.3, 20: 17.4}
+_WAVES: tuple[Setting, ...] = (  # and coupled tightly: loosely, water and tower part after 40 s
+    ("main", "ModCoupling", 3), ("main", "RhoInf", 0.9), ("main", "ConvTol", 1e-3), ("main", "MaxConvIter", 12),
+    ("main", "DT_UJac", 2.0),
+    ("sea", "WaveTMax", 900), ("sea", "WaveHs", 3.0), ("sea", "WaveTp", 9.0), ("sea", "WvDiffQTF", "False"),
+    ("sea", "WvSumQTF", "False"),
+)  # fmt: skip
 DECKS = {
     "iea15": Deck(
         "15 MW turbine, direct drive", "IEA-15-240-RWT", "IEA-15-240-RWT-Monopile",
         _names("IEA-15-240-RWT-Monopile", "../IEA-15-240-RWT/IEA-15-240-RWT", "IEA-15-240-RWT-Monopile_DISCON.IN"),
-        150.0, 280.0, 3.5e5, 0.79168, 7.56, 1.0, {12: 7.5, 14: 10.5, 16: 13.0, 18: 15.3, 20: 17.4},
+        150.0, 280.0, 3.5e5, 0.79168, 7.56, 1.0, _PITCH_15,
         (("main", "CompSub", 0), ("main", "CompHydro", 0), ("main", "CompSeaSt", 0),
          *(("elastic", k, "False") for k in _FIXED)),
+    ),
+    "pile15": Deck(
+        "15 MW turbine on a monopile in the sea", "IEA-15-240-RWT", "IEA-15-240-RWT-Monopile",
+        _in_the_sea("IEA-15-240-RWT-Monopile"), 150.0, 280.0, 3.5e5, 0.79168, 7.56, 1.0, _PITCH_15,
+        (("main", "CompSub", 1), ("main", "CompHydro", 1), ("main", "CompSeaSt", 1), *_WAVES),
+    ),
+    "float15": Deck(
+        "15 MW turbine on a floater", "IEA-15-240-RWT", "IEA-15-240-RWT-UMaineSemi",
+        _in_the_sea("IEA-15-240-RWT-UMaineSemi"), 150.0, 280.0, 3.5e5, 0.79168, 7.56, 1.0, _PITCH_15,
+        (("main", "CompMooring", 1), ("main", "MooringFile", '"IEA-15-240-RWT-UMaineSemi_MAP.dat"'),
+         ("elastic", "PtfmSurge", 12.0), ("elastic", "PtfmPitch", 2.6), *_WAVES),
+        settle_s=300.0,
     ),
     "nrel28": Deck(
         "2.8 MW turbine", "NREL_2p8_127", ".", _names("NREL-2p8-127", "NREL-2p8-127", "NREL-2p8-127_DISCON.IN"),
@@ -112,6 +142,11 @@ def lay(deck: Deck, package: Path, work: Path, change: Change) -> dict[str, str]
     files = {k: os.path.normpath(work / deck.main / v) for k, v in deck.files.items()}
     _rewrite(files["controller"], r"(?m)^\s*\d+(\s*! (?:IPC_ControlMode|Flp_Mode))", r"0\1")
     _thin(files["sections"])
+    for key, before, line in _NEWER:
+        if key in files:
+            _insert(files[key], before, line)
+    if "water" in files:  # loads of the waves every 5 m of a member
+        _rewrite(files["water"], r"(?m)^((?:\s+\d+){7}\s+)0\.5000(?=\s)", r"\g<1>5.0")
     _outputs(files["elastic"], ("GenSpeed", "Azimuth", "BldPitch1", "YawBrTAxp", "YawBrTAyp", "RootMyb1", "RootMyb2",
                                 "RootMyb3"))  # fmt: skip
     for key, names in (("servo", "GenTq"), ("inflow", "Wind1VelX"), ("aero", "RtAeroFxh")):
@@ -174,6 +209,13 @@ def twisted(files: Mapping[str, str], angle_deg: float) -> None:
 def _rewrite(path: str, pattern: str, by: str) -> None:
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     Path(path).write_text(re.sub(pattern, by, text), encoding="utf-8")
+
+
+def _insert(path: str, after: str, line: str) -> None:
+    """Write a line after that of a key, where the file does not have its key yet."""
+    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    if not re.search(rf"(?m)^\s*\S+\s+{line.split()[1]}\b", text):
+        Path(path).write_text(re.sub(rf"(?m)^(\s*\S+\s+{after}\b.*)$", rf"\1\n{line}", text), encoding="utf-8")
 
 
 def _thin(path: str) -> None:

@@ -67,8 +67,10 @@ def all_pairs(of: str) -> list[tuple[str, Pair]]:
 
 
 def _pair(turbine: str, change: Change) -> Pair:
-    known, own = _KNOWN[change.effect], _named(turbine, change.effect, change.wind)
-    plain = _named(turbine, "n1", change.wind)
+    own, plain = _named(turbine, change.effect, change.wind), _named(turbine, "n1", change.wind)
+    if change.effect not in _KNOWN:  # what differs acts on the turbine from outside: no physics was left out
+        return Pair(own, "null", "null", change.wind, own, plain, SECONDS)
+    known = _KNOWN[change.effect]
     sides = (plain, own) if known.simulated else (own, plain)
     return Pair(own, change.effect, "large", change.wind, *sides, SECONDS, known.ids, known.accepted, known.families,
                 known.place, change.values)  # fmt: skip
@@ -107,7 +109,7 @@ def _one(folder: Path, kit: ModuleType, package: Path, deck: decks.Deck, name: s
         made = folder / "runs" / f".{name}"
         shutil.rmtree(made, ignore_errors=True)
         made.mkdir(parents=True)
-        _write(made / "run.csv.gz", kit, written, home / "effects.bin")
+        _write(made / "run.csv.gz", kit, written, home / "effects.bin", round(deck.settle_s / kit.STEP))
         (made / "run.json").write_text(json.dumps({"name": name, "package": decks.PACKAGE}) + "\n", encoding="utf-8")
         made.rename(folder / "runs" / name)
     return ""
@@ -117,11 +119,11 @@ def _set(
     kit: ModuleType, deck: decks.Deck, files: Mapping[str, str], change: Change, programs: str, package: Path
 ) -> None:  # fmt: skip
     """Write wind, controller's wrapper and what is changed into the deck."""
-    home, total = Path(files["main"]).parent, SECONDS + kit.SETTLE
+    home, total = Path(files["main"]).parent, SECONDS + deck.settle_s
     speed = int(change.wind[1:])
     angle = deck.pitch_deg[speed]
     settings: list[decks.Setting] = [
-        *_blow(kit, deck, home, change, programs, total + 30), ("main", "TMax", total),
+        *_blow(kit, deck, home, change, programs, total + 30), *_waves(files, change.seed), ("main", "TMax", total),
         ("main", "DT_Out", kit.STEP), ("servo", "DLL_FileName", f'"{programs}/libeffects.so"'),
         *(("elastic", f"BlPitch({b})", angle) for b in (1, 2, 3)), *change.settings,
     ]  # fmt: skip
@@ -138,6 +140,11 @@ def _set(
     (home / "effects.txt").write_text("".join(f"{k} {v}\n" for k, v in told.items()), encoding="utf-8")
 
 
+def _waves(files: Mapping[str, str], seed: int) -> list[decks.Setting]:
+    """Return the seed of a run's waves, another one than that of any other run."""
+    return [("sea", "WaveSeed(1)", 7919 * seed)] if "sea" in files else []
+
+
 def _blow(
     kit: ModuleType, deck: decks.Deck, home: Path, change: Change, programs: str, seconds: float
 ) -> list[decks.Setting]:  # fmt: skip
@@ -150,12 +157,12 @@ def _blow(
     return [("inflow", "WindType", 3), ("inflow", "FileName_BTS", f'"{home / "wind.bts"}"')]
 
 
-def _write(target: Path, kit: ModuleType, written: Path, log: Path) -> None:
-    """Write the channels of the corpus after the settling. Raises ValueError where they are not numbers."""
+def _write(target: Path, kit: ModuleType, written: Path, log: Path, first: int) -> None:
+    """Write the channels of the corpus from the row after the settling on. Raises ValueError where they are not
+    numbers."""
     t, said = kit.read_outb(str(written))
     channels = {k.lower(): v for k, v in said.items()}
     rows = np.fromfile(log).reshape(-1, 8)
-    first = round(kit.SETTLE / kit.STEP)
     columns = {"time_s": t - t[first]}
     for k, name in enumerate(_LOG, start=1):
         scale = 1 / TURN if name.startswith("pitch") else 1e-3

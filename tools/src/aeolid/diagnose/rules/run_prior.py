@@ -226,6 +226,23 @@ class RunPriorRules:
     local_deviations: float = rule(
         4.0, "deviations", "the same, in deviations of such a growth between spectra of one machine", RUN_DECISIONS
     )
+    displaced_log: float = rule(
+        1.5,
+        "log",
+        "growth of an output's power at the recording's mode, and fall at the run's, from which one mode is said to "
+        "be at two frequencies",
+        "measured: 2.5 and 1.8 on a monopile without the tower's first bending mode; modes of one machine are at one "
+        "frequency, so that no null comes to this",
+    )
+    displaced_ratio: float = rule(
+        1.1, "times", "ratio of two frequencies from which they are not one mode's of one machine", RUN_DECISIONS
+    )
+    flexible_ratio: float = rule(
+        1.2,
+        "times",
+        "ratio of the run's frequency of a tower to the recording's from which bending is left out rather than a "
+        "stiffness wrong, which would be by 44 %",
+    )
     passing_ratio: float = rule(
         2.0,
         "times",

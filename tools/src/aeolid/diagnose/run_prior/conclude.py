@@ -23,6 +23,7 @@ from aeolid.diagnose.run_prior.answering import is_late_rotor, is_other_rotor, l
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
+from aeolid.diagnose.run_prior.displaced import displaced_of
 from aeolid.diagnose.run_prior.explain import (
     Explanation,
     Found,
@@ -97,7 +98,8 @@ def study_run(
         found = with_replicated(pair, with_beside(pair, found, context, units, tick), units, tick)
     answering = answering_of(pair, records, runs, context, FIT) if is_turbine(context) else None
     stronger = partial(angle_acts, pair, found)
-    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger)
+    elsewhere = partial(displaced_of, pair, found.modal, context, FIT)
+    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger, elsewhere)
     habit_s = in_force().run_prior.habit_samples * pair.step
     found = without_mean_offset(with_standing(found, standing, habit_s), context)
     found = _with_rotor(pair, found, answering)

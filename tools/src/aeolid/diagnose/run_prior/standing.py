@@ -71,11 +71,12 @@ _THIN = "the air's density is another than the simulation's, which a pitch angle
 def standing_of(
     pair: Pair, records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any],
     moved: Mapping[str, float], detected: bool, answering: Answering | None = None,
-    stronger: Callable[[float], float] = lambda _: 0.0,
+    stronger: Callable[[float], float] = lambda _: 0.0, displaced: Callable[[], Standing | None] = lambda: None,
 ) -> tuple[Standing, ...]:  # fmt: skip
     """Return what levels, answers and unevenness of a turbine tell, the level of power first; one effect at most.
 
-    stronger: nats that are gained when the pitch angle acts by a factor.
+    stronger: nats that are gained when the pitch angle acts by a factor; displaced: what a mode tells that the sides
+    have at two frequencies, which is asked where nothing before it tells anything.
     """
     if not is_turbine(context):
         return ()
@@ -93,7 +94,7 @@ def standing_of(
     disc = disc_of(pair, context)
     if disc is not None and disc.is_sure and (detected or disc.uneven):
         return (_sampled(disc),)
-    last = grown(moved) if detected else _thrust(laws)
+    last = (displaced() or grown(moved)) if detected else _thrust(laws)
     return () if last is None else (last,)
 
 
