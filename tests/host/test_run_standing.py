@@ -11,12 +11,14 @@ from scipy.signal import lfilter
 
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 from aeolid.diagnose.hypotheses.simulators import settings
+from aeolid.diagnose.run_prior import standing
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.disc import disc_of
 from aeolid.diagnose.run_prior.grams import lagged_gram, with_noise
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.laws import shifts_of
 from aeolid.diagnose.run_prior.least import least_size
+from aeolid.diagnose.run_prior.offsets import Offset
 from aeolid.diagnose.run_prior.pair import NOTHING
 from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.record import Channel, Record
@@ -116,6 +118,21 @@ def test_a_thrust_that_differs_alone_is_thin_air_or_its_gauges(detected: bool) -
         value, std = found.told["air_density"]["density_change"]
         assert abs(value + 0.07) < 3 * std
         assert found.interval[0] > 0
+
+
+def test_the_angle_refutes_a_density_only_where_the_wind_tells_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 15 MW air 8 % thinner was an offset of half a degree, sure, since the angle acted no less; the wind was not
+    known well enough to tell either."""
+    offset = Offset("pitch", "deg", -0.5, 0.1, 0.1)
+    monkeypatch.setattr(standing, "offset_of", lambda *_: offset)
+    for recording, entries in (
+        (turbine(11, 18.3, 0.9), ("sensor_bias",)),
+        (turbine(15, thrust=0.93), ("sensor_bias", "air_density", "sensor_scale")),
+    ):
+        pair = pair_of([recording], [turbine(0)], CONTEXT)
+        moved = dict.fromkeys(pair.shown, 1.0)
+        found = standing_of(pair, [recording], [turbine(0)], CONTEXT, moved, False, stronger=lambda _: -100.0)
+        assert [s.entries for s in found] == [entries]
 
 
 def test_turbulence_over_the_disc_is_told_from_more_wind() -> None:

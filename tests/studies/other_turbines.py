@@ -6,8 +6,8 @@
 `make` brings the decks of the ROSCO package from the package index and runs them in the simulator of
 `../shared/openfast`, two to five minutes of a core for a run of 500 s; it goes on where it stopped. Sets of effects
 (tests/studies/openfast_pairs/crossings.py): first, 24 runs; crossed, 24; field, 18, in full fields of turbulence;
-third, 14, a turbine of 5 MW with slender blades; sea, 14, on a monopile in waves; floating, 12, each of 800 s. `score` diagnoses the cases that are there, each with all channels and
-with two outputs, and prints the table of the corpus
+third, 14, a turbine of 5 MW with slender blades; sea, 14, on a monopile in waves; floating, 12, each of 800 s. `score`
+diagnoses the cases that are there, each with all channels and with two outputs, and prints the table of the corpus
 (tests/studies/openfast_corpus.py). Exit code 2 where there is no simulator or no case, 1 where something is missing.
 """
 

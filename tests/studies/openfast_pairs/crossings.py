@@ -2,8 +2,8 @@
 
 `first` and `crossed` are effects on a direct drive of 15 MW and on a turbine of 2.8 MW at 16 m/s, the wind the same
 over the disc; `field` are effects on these in full fields of turbulence; `third` is a turbine of 5 MW with slender
-blades of 100 m and no torsion of its drive train; `sea` is the direct drive on a monopile in waves of 3 m at 14 m/s, and
-`floating` the same turbine on a semi-submersible at 16 m/s, every run with waves of its own.
+blades of 100 m and no torsion of its drive train; `sea` is the direct drive on a monopile in waves of 3 m at 14 m/s,
+and `floating` the same turbine on a semi-submersible at 16 m/s, every run with waves of its own.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Turbines beside the simulator's own: decks that the ROSCO package brings, as OpenFAST 5.0 reads them.
 
 The package comes from the package index (`pip download rosco`), Apache 2.0; nothing of it is kept in the repository.
-The 15 MW turbine stands on a fixed base, on its monopile in waves, or floats; the floater's moorings are those of MAP++,
-and loads of the waves on the monopile are formed every 5 m, or a run would take ten times as long.
+The 15 MW turbine stands on a fixed base, on its monopile in waves, or floats; the floater's moorings are those of
+MAP++, and loads of the waves on the monopile are formed every 5 m, or a run would take ten times as long.
 """
 
 from __future__ import annotations

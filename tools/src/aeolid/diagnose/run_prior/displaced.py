@@ -49,8 +49,10 @@ def displaced_of(pair: Pair, modal: Modal, context: Mapping[str, Any], fit: floa
             for s in (s for s in simulated if not _has_partner(s, recorded)):
                 sign = min(_standing_at(risen, pair, m, 1.0), _standing_at(risen, pair, s, -1.0))
                 found.append((sign, kind, m, s))
-    sign, kind, m, s = max(found, key=lambda f: f[0], default=(0.0, KINDS[0], None, None))
-    return _told(kind, m, s) if m is not None and s is not None and sign > in_force().run_prior.displaced_log else None
+    plainest = max(found, key=lambda f: f[0], default=None)
+    if plainest is None or plainest[0] <= in_force().run_prior.displaced_log:
+        return None
+    return _told(*plainest[1:])
 
 
 def _of_kind(modes: Sequence[Mode], kind: Kind) -> list[Mode]:

@@ -84,7 +84,8 @@ def standing_of(
     wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
     power = None if wind is None else _power(laws, wind, wind_of(records[0], runs[0]))
     if wind is not None or any(_sure(laws, law, in_force().run_prior.thrust_shift) for law in THRUST):
-        power = _of_angle(laws, offset_of(records, runs, context, laws), power or _thrust(laws), stronger) or power
+        acts = stronger if power is not None else lambda _: 0.0  # what of the wind is not known refutes no density
+        power = _of_angle(laws, offset_of(records, runs, context, laws), power or _thrust(laws), acts) or power
     if power is not None and power.interval[0] > in_force().evidence.proven_nats:
         return (power,)
     answer = named(pair, answering, _still(laws))
@@ -149,7 +150,9 @@ def _of_angle(
     """Name an offset of the pitch angle where one brings wind and thrust back together; None elsewhere.
 
     Air of another density makes the angle act by as much more; where the recording contradicts that, the offset stands
-    alone, and where it neither bears it out nor contradicts it, or the density is not known, both do.
+    alone, and where it neither bears it out nor contradicts it, or the density is not known, both do. So they do where
+    the thrust alone moved surely: at 15 MW 8 % less air left 0.1 deviations of an offset of -0.51 degrees, for the wind
+    at one point is known to 0.9 %, and the angle acted no less, for a rotor in thin air stands at another one.
     """
     if offset is None or not offset.explains:
         return None
