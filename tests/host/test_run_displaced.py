@@ -60,6 +60,19 @@ def test_another_sea_is_no_other_tower() -> None:
     assert found is not None and found.entries[0].startswith("tower_")
 
 
+def test_waves_of_two_seas_are_no_tower() -> None:
+    """Swell and a wind sea, were they as sharp as modes: below the rotor's frequency nothing is told."""
+    recording, run = in_waves(turbine(1, 0.0), 0.09, 2.0, 7), in_waves(turbine(2, 0.0), 0.14, 2.0, 8)
+    pair = pair_of([recording], [run], CONTEXT)
+    modes = compare_modes(pair_of([turbine(1)], [turbine(2)], CONTEXT), CONTEXT).recorded
+    tower = next(m for m in modes if max(m.shares, key=lambda n: m.shares[n]) == "tower_acc_fore_aft")
+    sharp = [replace(tower, frequency_hz=hz, frequency_std_hz=0.001, damping=0.05) for hz in (0.09, 0.14)]
+    modal = Modal((sharp[0],), (sharp[1],), ())
+    assert displaced_of(pair, modal, CONTEXT, FIT) is None
+    slow = CONTEXT | {"rated_speed_rad_s": 0.45}  # of a rotor so slow both lie where its tower swings
+    assert displaced_of(pair, modal, slow, FIT) is not None
+
+
 def test_levels_come_first_and_errors_alone_last() -> None:
     """Where nothing separates the sides it is not asked; where nothing else tells it comes before errors alone."""
     pair = pair_of([turbine(1)], [turbine(2, 1.4 * TOWER[0])], CONTEXT)

@@ -2,8 +2,9 @@
 
 Offshore a tower stands on a pile or floats. A simulation that leaves the tower's own bending out still sways with what
 is below, at another frequency, so that no mode is missing: the recording's has no partner in the run, the run's none in
-the recording, and the spectra's ratio rises at the one and falls at the other. Waves and wind move spectra, too, but no
-mode with them; a mode known to less than a hundredth, as a tower in the wind is, serves here because both signs agree.
+the recording, and the spectra's ratio rises at the one and falls at the other. A mode known to less than a hundredth, as
+a tower in the wind is, serves here because both signs agree. Waves of two seas look like that as well, but they lie
+below the rotor's frequency, or near it, while towers of large turbines swing above it.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ def displaced_of(pair: Pair, modal: Modal, context: Mapping[str, Any], fit: floa
         return None
     found = []
     for kind in (k for k in KINDS if k.entry in _KINDS):
-        recorded, simulated = (_of_kind(modes, kind) for modes in (modal.recorded, modal.simulated))
+        lowest = in_force().run_prior.displaced_ratio * float(turn) / (2 * np.pi)
+        recorded, simulated = (_of_kind(modes, kind, lowest) for modes in (modal.recorded, modal.simulated))
         for m in (m for m in recorded if not _has_partner(m, simulated)):
             for s in (s for s in simulated if not _has_partner(s, recorded)):
                 sign = min(_standing_at(risen, pair, m, 1.0), _standing_at(risen, pair, s, -1.0))
@@ -55,14 +57,17 @@ def displaced_of(pair: Pair, modal: Modal, context: Mapping[str, Any], fit: floa
     return _told(*plainest[1:])
 
 
-def _of_kind(modes: Sequence[Mode], kind: Kind) -> list[Mode]:
-    """Return the modes that an output of this kind shows most, whose frequency is known and in the kind's range."""
+def _of_kind(modes: Sequence[Mode], kind: Kind, lowest: float) -> list[Mode]:
+    """Return the modes that an output of this kind shows most, whose frequency is known and in the kind's range.
+
+    lowest: frequency in Hz below which waves may be.
+    """
     rules = in_force().run_modes
     return [
         m for m in modes
         if m.rotor_order is None and 0 < m.damping < rules.movable_damping and m.frequency_std_hz is not None
         and m.frequency_std_hz < rules.movable_spread * m.frequency_hz
-        and kind.band_hz[0] <= m.frequency_hz <= kind.band_hz[1]
+        and max(lowest, kind.band_hz[0]) <= m.frequency_hz <= kind.band_hz[1]
         and re.search(kind.pattern, max(m.shares, key=lambda n: m.shares[n]).lower())
     ]  # fmt: skip
 

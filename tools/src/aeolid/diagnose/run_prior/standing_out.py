@@ -203,7 +203,7 @@ def _is_plain(risen: Risen, band: int, j: int) -> bool:
     rise = risen.whole[band, j]
     out = rise - float(np.median(risen.whole[:, j]))
     both = min(risen.chosen[band, j], risen.sealed[band, j])
-    return bool(min(rise, out) > rules.lone_log and both > rules.lone_log / 2)
+    return bool(rise > rules.lone_log and out > rules.lone_out_log and both > rules.lone_log / 2)
 
 
 def _nearest(modes: Sequence[Mode], output: str, hz: float) -> Mode | None:
