@@ -2,8 +2,8 @@
 
 Offshore a tower stands on a pile or floats. A simulation that leaves the tower's own bending out still sways with what
 is below, at another frequency, so that no mode is missing: the recording's has no partner in the run, the run's none in
-the recording, and the spectra's ratio rises at the one and falls at the other. A mode known to less than a hundredth, as
-a tower in the wind is, serves here because both signs agree. Waves of two seas look like that as well, but they lie
+the recording, and the spectra's ratio rises at the one and falls at the other. A mode known to less than a hundredth,
+as a tower in the wind is, serves here because both signs agree. Waves of two seas look like that as well, but they lie
 below the rotor's frequency, or near it, while towers of large turbines swing above it.
 """
 
