@@ -125,13 +125,15 @@ def test_the_angle_refutes_a_density_only_where_the_wind_tells_one(monkeypatch: 
     known well enough to tell either."""
     offset = Offset("pitch", "deg", -0.5, 0.1, 0.1)
     monkeypatch.setattr(standing, "offset_of", lambda *_: offset)
-    for recording, entries in (
-        (turbine(11, 18.3, 0.9), ("sensor_bias",)),
-        (turbine(15, thrust=0.93), ("sensor_bias", "air_density", "sensor_scale")),
+    thrust = ("air_density", "sensor_scale")
+    for recording, nats, entries in (
+        (turbine(11, 18.3, 0.9), -100.0, ("sensor_bias",)),
+        (turbine(15, thrust=0.93), -100.0, ("sensor_bias", *thrust)),
+        (turbine(15, thrust=0.93), 100.0, thrust),
     ):
         pair = pair_of([recording], [turbine(0)], CONTEXT)
         moved = dict.fromkeys(pair.shown, 1.0)
-        found = standing_of(pair, [recording], [turbine(0)], CONTEXT, moved, False, stronger=lambda _: -100.0)
+        found = standing_of(pair, [recording], [turbine(0)], CONTEXT, moved, False, stronger=lambda _, n=nats: n)
         assert [s.entries for s in found] == [entries]
 
 

@@ -84,7 +84,8 @@ def standing_of(
     wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
     power = None if wind is None else _power(laws, wind, wind_of(records[0], runs[0]))
     if wind is not None or any(_sure(laws, law, in_force().run_prior.thrust_shift) for law in THRUST):
-        acts = stronger if power is not None else lambda _: 0.0  # what of the wind is not known refutes no density
+        sure = power is not None  # what of the wind is not known bears a density out, but refutes none
+        acts = stronger if sure else (lambda factor: max(stronger(factor), 0.0))
         power = _of_angle(laws, offset_of(records, runs, context, laws), power or _thrust(laws), acts) or power
     if power is not None and power.interval[0] > in_force().evidence.proven_nats:
         return (power,)
