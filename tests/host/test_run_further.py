@@ -161,6 +161,25 @@ def test_a_mode_that_moved_and_leaves_most_unexplained_has_two_names(nats: float
     assert told[0].entry == "added_mass"
 
 
+@pytest.mark.parametrize(("place", "nats", "shown", "names"), [
+    ("input:torque_demand", 59.0, ["generator_speed", "tower_acc_fore_aft"],
+     ["actuator_lag", "tower_side_side", "blade_edge"]),
+    ("input:torque_demand", 59.0, ["generator_speed", "tower_acc_side_side"], ["actuator_lag", "blade_edge"]),
+    ("input:torque_demand", 260.0, ["generator_speed"], ["actuator_lag"]),
+    ("input:pitch_demand", 59.0, ["generator_speed"], ["actuator_lag"]),
+])  # fmt: skip
+def test_a_drive_of_the_torque_that_explains_little_may_be_a_mode_that_no_output_shows(
+    place: str, nats: float, shown: list[str], names: list[str]
+) -> None:
+    """A missing side-side mode, seen in the speed alone, was a drive of the torque that explained a fifth, and sure."""
+    lag = replace(hypothesis(place), entry="actuator_lag", names=("tau_s",), units=("s",), words="a lag of {tau_s:.2g}")
+    found = replace(NONE, lost=293.0, moved={n: 1.5 - 0.1 * k for k, n in enumerate(shown)})
+    told = names_of(Found(Scored(lag, (0.04,), nats, nats, 0.3), None), {"tau_s": (0.04, 0.01)}, found, CONTEXT)
+    assert [n.entry for n in told] == names
+    assert sum(n.weight for n in told) == pytest.approx(1.0)
+    assert all("no output shows" in statement(n, {}) for n in told[1:])
+
+
 NONE = Explanation(454.0, 0.03, {}, (), (), Modal((), (), ()))
 
 
