@@ -18,7 +18,7 @@ crossings = others.crossings
 def test_every_pair_has_its_runs_and_a_known_truth(of: str) -> None:
     runs = {name for _, name, _ in others.all_runs(of)}
     pairs = others.all_pairs(of)
-    made = {"first": 24, "crossed": 24, "field": 18, "third": 14}[of]
+    made = {"first": 24, "crossed": 24, "field": 18, "third": 14, "sea": 14, "floating": 12}[of]
     assert len(runs) == len({p.name for _, p in pairs}) == len(pairs) == made
     assert len({c.seed for _, _, c in others.all_runs(of)}) == made
     for turbine, pair in pairs:
@@ -26,7 +26,8 @@ def test_every_pair_has_its_runs_and_a_known_truth(of: str) -> None:
         assert pair.recording != pair.simulation
         assert int(pair.wind[1:]) in decks.DECKS[turbine].pitch_deg
         assert (pair.effect == "null") == (not pair.families)
-    assert {c.effect for made in crossings.SETS[of].values() for c in made} <= set(others._KNOWN)
+    effects = {c.effect for made in crossings.SETS[of].values() for c in made}
+    assert effects <= {*others._KNOWN, *others._OUTSIDE}
 
 
 def test_no_two_sets_make_different_runs_of_one_name() -> None:
@@ -61,6 +62,27 @@ OUTPUTS = """1 Something
 END of input file
 "Nodal"
 """
+
+
+def test_lines_of_a_newer_simulator_are_written_once(tmp_path: Path) -> None:
+    sea = tmp_path / "sea.dat"
+    sea.write_text("2  WaveMod - kind\n0  WaveStMod  - stretching\n900 WaveTMax - s\n")
+    for _ in range(2):
+        decks._insert(str(sea), "WaveStMod", "0 WvCrntMod")
+    assert [line.split()[1] for line in sea.read_text().splitlines()] == [
+        "WaveMod",
+        "WaveStMod",
+        "WvCrntMod",
+        "WaveTMax",
+    ]
+
+
+def test_every_run_at_sea_has_waves_of_its_own() -> None:
+    seeds = [
+        others._waves({"sea": "sea.dat"}, c.seed)[0] for of in ("sea", "floating") for *_, c in others.all_runs(of)
+    ]
+    assert len({value for _, _, value in seeds}) == len(seeds) == 26
+    assert others._waves({"main": "x.fst"}, 5) == []
 
 
 def test_sections_are_halved_and_outputs_replaced(tmp_path: Path) -> None:

@@ -33,6 +33,7 @@ _LOG = ("pitch_demand", "torque_demand", "pitch_excitation", "torque_excitation"
 
 
 _KNOWN = {e.key: e for e in EFFECTS}
+_OUTSIDE = ("rougher_sea",)  # what differs acts on the turbine from outside: no physics was left out
 
 
 def _plain(of: str) -> list[tuple[str, str, Change]]:
@@ -68,7 +69,7 @@ def all_pairs(of: str) -> list[tuple[str, Pair]]:
 
 def _pair(turbine: str, change: Change) -> Pair:
     own, plain = _named(turbine, change.effect, change.wind), _named(turbine, "n1", change.wind)
-    if change.effect not in _KNOWN:  # what differs acts on the turbine from outside: no physics was left out
+    if change.effect in _OUTSIDE:
         return Pair(own, "null", "null", change.wind, own, plain, SECONDS)
     known = _KNOWN[change.effect]
     sides = (plain, own) if known.simulated else (own, plain)
