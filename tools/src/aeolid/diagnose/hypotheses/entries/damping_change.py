@@ -26,7 +26,7 @@ def _damping(motion: Motion) -> Coefficient:
 ENTRY = Entry(
     id="damping_change",
     family="damping",
-    name="damping that changes in time",
+    name="changed damping",
     equation="F = -damping_change*s(t)*v, s a step at time_s or a ramp over the recording",
     source="Basseville and Nikiforov 1993, Detection of Abrupt Changes",
     quantities=(

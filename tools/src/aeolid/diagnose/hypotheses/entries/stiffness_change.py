@@ -27,7 +27,7 @@ def _stiffness(motion: Motion) -> Coefficient:
 ENTRY = Entry(
     id="stiffness_change",
     family="stiffness_change",
-    name="stiffness that changes in time",
+    name="changed stiffness",
     equation="F = -stiffness_change*s(t)*q, s a step at time_s or a ramp over the recording",
     source="Prendergast, Hester, Gavin, O'Sullivan 2013 (scour); Basseville and Nikiforov 1993 (change points)",
     quantities=(
