@@ -27,9 +27,8 @@ from aeolid.models.modes import Mode
 
 Array = NDArray[np.float64]
 _KINDS = ("tower_fore_aft", "tower_side_side")
-_WITHIN = (
-    0.15  # of a mode's frequency: bands in which it stands, which are as wide and leave multiples of the rotor's out
-)
+# Part of a mode's frequency within which bands are its own: they are as wide, and leave multiples of the rotor's out.
+_WITHIN = 0.15
 
 
 def displaced_of(pair: Pair, modal: Modal, context: Mapping[str, Any], fit: float) -> Standing | None:
