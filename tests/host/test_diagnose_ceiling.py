@@ -70,3 +70,16 @@ def test_what_the_input_does_later_is_still_found(tmp_path: Path) -> None:
     found = ceiling(prepared, prepared.split.sealed)
     assert block_interval(found.sealed, 0)[0] > 10
     assert any("an input" in name or "a state" in name for name, _ in found.groups[:2])
+
+
+def test_the_unit_of_an_input_changes_nothing(tmp_path: Path) -> None:
+    """The same power in watts and in nanowatts: values above a million had been cut off."""
+    data = held(1, bend=0.06)
+    small = _MODEL.replace('unit = "W"', 'unit = "nW"').replace("heat*power", "heat*power*1e-9")
+    gained = []
+    for name, model, factor in (("watt", _MODEL, 1.0), ("nanowatt", small, 1e9)):
+        (tmp_path / name).mkdir()
+        channels = (("power", "nW" if factor > 1 else "W", "input"), CHANNELS[1])
+        prepared = prepare(load_case(write_case(tmp_path / name, model, STEP, channels, data * (factor, 1.0))))
+        gained.append(float(ceiling(prepared.only(()), prepared.split.sealed).sealed.sum()))
+    assert gained[1] == pytest.approx(gained[0], rel=0.02)  # fits end a hundredth of a nat apart

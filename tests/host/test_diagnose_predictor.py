@@ -16,7 +16,15 @@ from scipy.stats import multivariate_normal
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.ahead import foretold
 from aeolid.diagnose.predictor.fitted import Fit
-from aeolid.diagnose.predictor.noise import colour_var, estimate_noise, filter_var, levelled_density
+from aeolid.diagnose.predictor.noise import (
+    colour_var,
+    estimate_noise,
+    filter_var,
+    levelled_density,
+    log_density,
+    preferred_order,
+    scored_rows,
+)
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.riccati import exponential, steady_gain
@@ -439,8 +447,8 @@ def test_a_predictor_that_forgets_is_scored_as_it_predicts() -> None:
 def test_what_is_fitted_is_what_is_reported() -> None:
     """The likelihood with its noise model concentrated out, and the sum over rows, are one; also from gaps and starts.
 
-    A noise model of two rows says of the first two of a stretch how large they are, and nothing of the two behind a
-    missing row. As the first rows' lags, left out, were counted, they cost 1,300 nats and bent every fit.
+    A noise model of two rows says of the first two of a stretch, and of the two behind a missing row, how large they
+    are. As the first rows' lags, left out, were counted, they cost 1,300 nats and bent every fit.
     """
     segment = recording(5)
     holed = replace(segment, y=segment.y.copy())
@@ -449,16 +457,59 @@ def test_what_is_fitted_is_what_is_reported() -> None:
     p = predictor((holed, recording(6, 150)), 2)
     at = replace(point(2, gain=False), x0=(np.array([4.0, -3.0]), np.array([0.1, 0.0])))  # a start that is far off
     fit = p.at(at, Free((0,), (), (), ()))
-    rows = (300 - 2 - 3 - 42) + (150 - 2)
+    rows, behind = (300 - 2 - 3 - 42) + (150 - 2), 4 + 2 + 2
     known, early = p.rows(2)
-    assert (int(np.sum(known & ~early)), int(np.sum(early))) == (rows, 4)
-    assert int(np.sum(fit.per_sample != 0)) == rows + 4
-    constant = rows * (1 + np.log(2 * np.pi)) + 4 * np.log(2 * np.pi)
+    assert (int(np.sum(known & ~early)), int(np.sum(known & early))) == (rows, behind)
+    assert int(np.sum(fit.per_sample != 0)) == rows + behind
+    constant = rows * (1 + np.log(2 * np.pi)) + behind * np.log(2 * np.pi)
     assert fit.log_likelihood == pytest.approx(-p.objective(at) - constant, rel=1e-9)
     squares = np.sum(fit.residual.reshape(-1, 2) ** 2, axis=1)
+    assert not np.any(squares[~known])
     assert float(squares[~early].sum()) == pytest.approx(2 * rows, rel=1e-6)
     e = p.innovations(at)[0][:2]
     np.testing.assert_allclose(squares[:2], np.einsum("ij,jk,ik->i", e, np.linalg.inv(fit.noise.whole), e), rtol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_noise_models_of_every_order_are_compared_on_the_same_rows(unit: float) -> None:
+    """Beside gaps an order gains what colour there is: of white noise next to nothing, whatever the outputs' unit."""
+    rng = np.random.default_rng(5)
+    e = rng.standard_normal((1500, 2)) * unit
+    e[rng.random(1500) < 0.05] = np.nan
+    likelihood = []
+    for order in (0, 1, 2):
+        noise = estimate_noise([e], [20], order)
+        known, early = (rows[20:] for rows in scored_rows(e, order))
+        assert int(known.sum()) == int(np.isfinite(e[20:, 0]).sum())
+        white = filter_var(e, noise.var)[20:] @ noise.factor
+        white[early] = e[20:][early] @ noise.early_factor
+        white[~known] = 0.0
+        likelihood.append(float(log_density(white.ravel(), noise, known, early).sum()))
+    # four coefficients a lag that fit chance gain two nats; ten is far beyond, and far below a unit's hundreds
+    assert np.all(np.abs(np.diff(likelihood)) < 10)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.1, 0.3])
+def test_gaps_do_not_make_white_noise_coloured(missing: float) -> None:
+    """BIC takes a colour that is not there in few of 200 records, however many rows are missing."""
+    rng = np.random.default_rng(0)
+    chosen = 0
+    for _ in range(200):
+        e = rng.standard_normal((600, 1))
+        e[rng.random(600) < missing] = np.nan
+        chosen += preferred_order([e], [0]) > 0
+    assert chosen <= 12  # one or two in a hundred are expected
+
+
+def test_an_output_in_every_second_row_has_a_noise_model() -> None:
+    """No two rows follow each other: there is no colour to be estimated, and nothing to be solved for."""
+    e = np.random.default_rng(1).standard_normal((1000, 1))
+    e[::2] = np.nan
+    assert preferred_order([e], [0]) == 0
+    noise = estimate_noise([e], [0], 2)
+    assert not np.any(noise.var)
+    np.testing.assert_allclose(noise.covariance, noise.whole)
+    assert 0.8 < noise.whole[0, 0] < 1.2
 
 
 def test_rows_without_a_measurement_say_nothing_of_other_data() -> None:

@@ -86,6 +86,9 @@ def test_operators_do_what_they_say() -> None:
     cut = np.where(t < t[300], wave, 5.0)
     np.testing.assert_array_equal(*(op.first_order_of_past(x, tau, STEP)[:300] for x in (wave, cut)))
     assert np.ptp(op.play(wave, 0.5)[100:]) == pytest.approx(np.ptp(wave) - 0.5, abs=1e-3)
+    # a dead band holds until the command has moved by its width, as the catalogue and a corrected model have it
+    stood = op.dead_band(wave, 0.5)
+    assert 0.5 - 0.05 < np.abs(wave - stood).max() <= 0.5
     assert np.abs(np.diff(op.rate_limited(wave, 0.3, STEP))).max() <= 0.3 * STEP + 1e-12
 
 

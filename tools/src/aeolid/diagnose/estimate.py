@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
+from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.moved import Moved, moved_in
 from aeolid.diagnose.candidates.reestimate import fitted_to
 from aeolid.diagnose.conclusion.correction import corrected_model
@@ -24,6 +24,7 @@ from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.first_effect import settled_stage
 from aeolid.diagnose.stats.numbers import finite
+from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.diagnose.validation.told_values import free_errors, rms, run_errors, told_values, widened
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.models.equations import Equations
@@ -216,7 +217,7 @@ def _alike(predictor: Predictor, fit: Fit) -> tuple[tuple[str, str, float], ...]
     for i, one in enumerate(names):
         for j in range(i):
             correlation = float(fit.correlation[i, j])
-            nuisance = any(n.startswith(NUISANCE) for n in (one, names[j]))
+            nuisance = any(is_nuisance(n) for n in (one, names[j]))
             if abs(correlation) > conclusion.indistinct_correlation and not nuisance:
                 found.append((names[j], one, correlation))
     return tuple(sorted(found, key=lambda pair: -abs(pair[2])))

@@ -173,7 +173,9 @@ def _proven(
     held = hold_leader(prepared, unsealed, chain, candidates, seed)
     if prepared.deadline.skips("forms outside the catalogue"):
         return held, []
-    form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)
+    keys = {c.key for c in held.sets[held.kept : held.kept + 1]}
+    named = [c for c in (*chain, *candidates) if c.key in keys][:1]  # as chosen: a rival may have taken the lead
+    form, forms = form_beyond(prepared, candidates, named, held.proof, seed)
     return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
 
 
@@ -230,7 +232,9 @@ def _with_more(
     """Return what is held with the largest set, where the folds decide and bear that out, too."""
     if turned is None or not turned.proves or held.proof is None or not is_silent(held.proof.interval):
         return held
-    if len(chain) < 2 or held.several is not None or not adds_in_turn(prepared, chain[0], chain[-1], seed):
+    if len(chain) < 2 or held.several is not None or held.sets[0].key != chain[0].key:  # a rival took its place
+        return held
+    if not adds_in_turn(prepared, chain[0], chain[-1], seed):
         return held
     larger = estimated_on_all(prepared, chain[-1])
     before = unsealed.predictor, unsealed.fit

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline.baselines import Baseline, baseline_of
 from aeolid.diagnose.baseline.frame import Frame, carry_fit, carry_point, carry_prior, scales_of
 from aeolid.diagnose.baseline.recorded_wind import (
-    PREFIX,
     SIZES,
     recorded_wind,
     smoothed_readings,
@@ -36,25 +35,21 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.riccati import steady_gain
-from aeolid.diagnose.structure import modal
 from aeolid.diagnose.structure.anatomy import Motion, motions_of_equations, motions_of_state_space
 from aeolid.diagnose.structure.baseline import mass_of, noisy_states, offset_sizes, shape_forces
 from aeolid.diagnose.structure.between import motions_between
 from aeolid.diagnose.structure.bodies import bodies_of_state_space
-from aeolid.diagnose.structure.forces import FORCE, RATE
+from aeolid.diagnose.structure.forces import FORCE
 from aeolid.diagnose.structure.magnitudes import visible_sizes
 from aeolid.diagnose.structure.signals import motions_of_signals
 from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
-from aeolid.models.intersample import FILTER, OFFSET
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
-# free parameters that are not physics of the model
-NUISANCE = ("bias_u", "bias_y", "noise_pole", RATE, PREFIX, modal.PREFIX, OFFSET, FILTER)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,14 +18,15 @@ from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.hypotheses.parts.wind import winds
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.forces import FORCE
+from aeolid.diagnose.structure.nuisance import WIND, WIND_PREFIX
 from aeolid.diagnose.structure.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-PREFIX = "recorded_wind_"  # of the parameters' names
-SHARE, LEVEL, RATE = f"{PREFIX}share", f"{PREFIX}level", f"{PREFIX}rate"
+PREFIX = WIND_PREFIX  # of the parameters' names
+SHARE, LEVEL, RATE = (f"{PREFIX}{name}" for name in WIND)
 SIZES = {SHARE: 0.3, LEVEL: 0.3, RATE: 1.0}  # typical: of one; in the unit of the wind; in 1/s
 CHANNEL, AT_ONCE = "recorded wind, smoothed", f"{PREFIX}smoothed"
 AHEAD, MEAN = "recorded wind, smoothed, mean of the step to come", f"{PREFIX}mean"

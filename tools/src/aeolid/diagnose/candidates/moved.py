@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.models.equations import Equations, Parameter
 
 
@@ -48,7 +48,7 @@ class Moved:
 
 def moved_in(declared: Equations, model: Equations, fit: Fit) -> list[Moved]:
     """Return the declared values as a fit in some model has them, the surest move first; fit: with sensitivities."""
-    values = {p.name: p for p in declared.parameters if not p.name.startswith(NUISANCE)}
+    values = {p.name: p for p in declared.parameters if not is_nuisance(p.name)}
     names = [model.parameters[i].name for i in fit.free.theta]
     found = [
         Moved(values[name], float(fit.point.theta[i]), float(std))

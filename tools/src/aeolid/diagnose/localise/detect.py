@@ -148,8 +148,10 @@ def _columns(
     within the sample puts the error of the prediction into the input: of it at once, the error looks foretold.
     """
     columns, groups = [], []
+    known = np.where(sizes[3] > 0, sizes[3], np.inf)
+    scaled = (u - sizes[2]) / known  # in sizes of each input, so that no unit decides
     for lag in range(1, _LAGS + 1):
-        for source, name in ((u, "past inputs"), (white, "past innovations")):
+        for source, name in ((scaled, "past inputs"), (white, "past innovations")):
             for j in range(source.shape[1]):
                 columns.append(lfilter(np.eye(lag + 1)[lag], 1.0, source[:, j]))
                 groups.append(name)

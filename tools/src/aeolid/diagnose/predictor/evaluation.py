@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.predictor.gains import forgets, kalman_gain
-from aeolid.diagnose.predictor.noise import Noise, estimate_noise, filter_var, preferred_order, touched
+from aeolid.diagnose.predictor.noise import Noise, estimate_noise, filter_var, preferred_order, scored_rows
 from aeolid.diagnose.predictor.point import LEAST_VARIANCE, Free, Point, Prior, Scales
 from aeolid.models.integrate import Compiled, driven, substeps
 from aeolid.models.machine_code import LANES
@@ -193,13 +193,13 @@ class Evaluator:
         return all(forgets(self.compiled, at, point.theta, K, step) for at in (self.middle, *self.places))
 
     def _of_early_rows(self, innovations: Sequence[Array], noise: Noise, count: int) -> float:
-        """Return minus the log-likelihood of rows whose lags reach before their stretch, but for a constant."""
+        """Return minus the log-likelihood of rows whose lags are not known, but for a constant."""
         if not count:
             return 0.0
         squares = 0.0
         for e, segment in zip(innovations, self.segments, strict=True):
-            first = e[segment.burn : len(noise.var)]
-            squares += float(np.sum((first[np.all(np.isfinite(first), axis=1)] @ noise.early_factor) ** 2))
+            known, early = (rows[segment.burn :] for rows in scored_rows(segment.y, len(noise.var)))
+            squares += float(np.sum((e[segment.burn :][known & early] @ noise.early_factor) ** 2))
         return 0.5 * (squares + count * float(np.linalg.slogdet(noise.whole)[1]))
 
     def _penalty(self, point: Point) -> float:
@@ -212,23 +212,23 @@ class Evaluator:
         """
         parts = []
         for e, segment in zip(innovations, self.segments, strict=True):
+            known, early = (rows[segment.burn :] for rows in scored_rows(segment.y, len(noise.var)))
             white = filter_var(e, noise.var)[segment.burn :] @ noise.factor
-            early = e[segment.burn : len(noise.var)]
-            white[: len(early)] = early @ noise.early_factor
+            white[early] = e[segment.burn :][early] @ noise.early_factor
             white[~np.all(np.abs(white) < _LOST, axis=1)] = np.inf
-            white[touched(segment.y, len(noise.var))[segment.burn :]] = 0.0
+            white[~known] = 0.0
             parts.append(white)
         return np.concatenate(parts).ravel()
 
     def rows(self, order: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Tell of each row behind the burn-in whether it is scored, and whether its lags reach before its stretch.
+        """Tell of each row behind the burn-in whether it is scored, and whether one of its lags is not known.
 
-        order: of the noise model; a row that a missing measurement touches is not scored.
+        order: of the noise model. A row is scored where every output was measured, whatever the order.
         """
         if order not in self._rows:
-            known = [~touched(s.y, order)[s.burn :] for s in self.segments]
-            early = [np.arange(s.burn, len(s.y)) < order for s in self.segments]
-            self._rows[order] = np.concatenate(known), np.concatenate(early)
+            parts = [[rows[s.burn :] for rows in scored_rows(s.y, order)] for s in self.segments]
+            known, early = (np.concatenate(p) for p in zip(*parts, strict=True))
+            self._rows[order] = known, early
         return self._rows[order]
 
     def choose_var_order(self, point: Point) -> int:

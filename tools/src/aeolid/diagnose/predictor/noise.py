@@ -24,7 +24,8 @@ RICH_ORDERS = (*_MORE_ORDERS, 12)  # of what remains with an effect in the model
 class Noise:
     """Hold the noise model: VAR coefficients (q, l, l), the covariance (l, l) of what remains, that of all (l, l).
 
-    The first q rows of a stretch, whose lags reach before it, are as likely as the whole of the noise has them.
+    Rows whose lags are not known, the first q of a stretch and those behind a missing measurement, are as likely as the
+    whole of the noise has them, so that noise models of different order are compared on the same rows.
     """
 
     var: Array
@@ -42,33 +43,53 @@ class Noise:
         return np.linalg.cholesky(np.linalg.inv(self.whole))
 
 
-def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int) -> Noise:
-    """Fit a VAR(order) to innovations by least squares; rows touched by a missing sample are left out."""
-    outputs = innovations[0].shape[1]
-    parts = [_explained(e, max(burn, order), order) for e, burn in zip(innovations, burns, strict=True)]
+def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int, reach: int | None = None) -> Noise:
+    """Fit a VAR(order) to innovations by least squares, to rows that are whole; no colour where there are none.
+
+    reach: rows before each that must be whole, too, at least and by default `order`; for orders to be compared.
+    """
+    outputs, reach = innovations[0].shape[1], max(order, reach or 0)
+    parts = [_explained(e, max(burn, reach), order, reach) for e, burn in zip(innovations, burns, strict=True)]
     y, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts, strict=True))
-    var, whole = np.zeros((order, outputs, outputs)), y.T @ y / max(len(y), 1)
-    if order:
+    known = [e[max(burn, reach) :] for e, burn in zip(innovations, burns, strict=True)]
+    known = [e[np.all(np.isfinite(e), axis=1)] for e in known]
+    var, whole = np.zeros((order, outputs, outputs)), _mean_square(known)
+    if order and len(y):
         gram = z.T @ z
         coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
         var = coefficients.reshape(order, outputs, outputs).transpose(0, 2, 1)
         y = y - z @ coefficients
-    covariance = y.T @ y / max(len(y), 1)
+    covariance = _mean_square([y]) if len(y) else whole
     # a perfectly predicted output keeps a finite likelihood
     kept = [c + 1e-12 * max(float(np.trace(c)), 1e-300) * np.eye(outputs) for c in (covariance, whole)]
     return Noise(var, *kept)
 
 
-def _explained(e: Array, first: int, order: int) -> tuple[Array, Array]:
-    """Return the rows of e (N, l) from `first` on and the `order` rows before each, side by side; whole ones only."""
+def _mean_square(parts: Sequence[Array]) -> Array:
+    count = sum(len(y) for y in parts)
+    found: Array = sum((y.T @ y for y in parts), np.zeros((parts[0].shape[1],) * 2)) / max(count, 1)
+    return found
+
+
+def _explained(e: Array, first: int, order: int, reach: int) -> tuple[Array, Array]:
+    """Return the rows of e (N, l) from `first` on and the `order` rows before each, side by side.
+
+    Only those that are whole with the `reach` rows before them.
+    """
     y = e[first:]
     z = np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)]) if order else np.zeros((len(y), 0))
     finite = np.isfinite(e)
     if finite.all():
         return y, z
-    rows = np.all(finite, axis=1)
-    good = np.logical_and.reduce([rows[first - i : len(e) - i] for i in range(order + 1)])
+    good = _whole(e, first, reach)
     return y[good], z[good]
+
+
+def _whole(e: Array, first: int, reach: int) -> NDArray[np.bool_]:
+    """Tell which rows of e (N, l) from `first` on are finite with the `reach` rows before them."""
+    rows = np.all(np.isfinite(e), axis=1)
+    found: NDArray[np.bool_] = np.logical_and.reduce([rows[first - i : len(e) - i] for i in range(reach + 1)])
+    return found
 
 
 def preferred_order(
@@ -77,16 +98,19 @@ def preferred_order(
     """Return the order of the noise model that BIC prefers; innovations (N, l) of each segment, `burns` rows unscored.
 
     Among `orders` (ascending), by default 0, 1 and 2, of a model without states also 4 and 8, as far as there are 20
-    rows a value.
+    rows a value; all are compared on the rows that the largest of them can use.
     """
-    rows = sum(len(e) - burn for e, burn in zip(innovations, burns, strict=True))
-    outputs = innovations[0].shape[1]
-    best, choice = np.inf, 0
+    outputs, count, usable = innovations[0].shape[1], 0, [0]
     for order in orders or (_MORE_ORDERS if stateless else _VAR_ORDERS):
+        whole = [_whole(e, max(b, order), order) for e, b in zip(innovations, burns, strict=True)]
+        rows = sum(int(np.sum(w)) for w in whole)
         if rows < 20 * (order * outputs + 1):
             break
-        noise = estimate_noise(innovations, burns, order)
-        score = 0.5 * rows * np.linalg.slogdet(noise.covariance)[1] + 0.5 * order * outputs**2 * np.log(rows)
+        count, usable = rows, [*usable, order]
+    best, choice = np.inf, 0
+    for order in sorted(set(usable)) if count else ():
+        noise = estimate_noise(innovations, burns, order, usable[-1])
+        score = 0.5 * count * np.linalg.slogdet(noise.covariance)[1] + 0.5 * order * outputs**2 * np.log(count)
         if score < best:
             best, choice = score, order
     return choice
@@ -109,28 +133,42 @@ def touched(y: Array, order: int) -> NDArray[np.bool_]:
     return result
 
 
+def scored_rows(y: Array, order: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell of each row of y (N, l) whether it was measured, and whether one of its `order` lags is not known.
+
+    Lags are not known before the first row and where a measurement is missing.
+    """
+    known = np.all(np.isfinite(y), axis=1)
+    open_lags = np.arange(len(y)) < order
+    for i in range(1, order + 1):
+        open_lags[i:] |= ~known[:-i]
+    return known, open_lags
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, early: Array, out: Array) -> None:
     """Write the whitened innovations of several lanes into out (rows · l, lanes); rows are the last ones of e.
 
-    e (N, l, lanes); y (N, l) the measurements, of which a missing one makes a row, and those whose lags reach it,
-    zero; early (l, l) the factor of rows whose lags reach before the first. What a model that has run away leaves stays
-    infinite or NaN.
+    e (N, l, lanes); y (N, l) the measurements; a row with a missing one is zero; early (l, l) the factor of rows of
+    which a lag is missing or lies before the first. What a model that has run away leaves stays infinite or NaN.
     """
     m, lanes, order = e.shape[1], e.shape[2], len(var)
     burn = len(e) - len(out) // m
     own = np.empty((m, lanes))
     for t in range(burn, len(e)):
-        known, chosen = True, factor if t >= order else early
-        own[:] = e[t]
+        known, whole = True, t >= order
         for i in range(min(order, t) + 1):
             for b in range(m):
-                known = known and y[t - i, b] == y[t - i, b]
-                if i == 0 or t < order:
-                    continue
+                if y[t - i, b] != y[t - i, b]:
+                    known = known and i > 0
+                    whole = False
+        own[:] = e[t]
+        for i in range(1, order + 1 if whole else 1):
+            for b in range(m):
                 for c in range(m):
                     for p in range(lanes):
                         own[c, p] -= var[i - 1, c, b] * e[t - i, b, p]
+        chosen = factor if whole else early
         for c in range(m):
             row = (t - burn) * m + c
             for p in range(lanes):

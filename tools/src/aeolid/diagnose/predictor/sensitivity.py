@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.predictor.evaluation import Evaluator
-from aeolid.diagnose.predictor.noise import Noise, touched, whiten_lanes
+from aeolid.diagnose.predictor.noise import Noise, scored_rows, whiten_lanes
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.models.machine_code import LANES
 
@@ -117,8 +117,8 @@ def _var_columns(predictor: Evaluator, point: Point, noise: Noise) -> Array:
         past = np.zeros((order, *e.shape))
         for i in range(1, order + 1):
             past[i - 1, i:] = np.where(np.isfinite(e[:-i]), e[:-i], 0.0)
-        past[:, touched(segment.y, order)] = 0.0
-        past[:, :order] = 0.0  # early rows know of no lags
+        known, early = scored_rows(segment.y, order)
+        past[:, early | ~known] = 0.0  # early rows know of no lags
         lagged = past[:, segment.burn :].transpose(1, 0, 2)  # (rows, q, l)
         block = lagged[:, None, :, None, :] * noise.factor.T[None, :, None, :, None]  # −dr[t, c] / dA_i[a, b]
         parts.append(block.reshape(len(lagged) * outputs, -1))

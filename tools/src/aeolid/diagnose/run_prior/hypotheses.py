@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Values = tuple[float, ...]
 LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # time constants and delays that are tried, in fortieths of the window
 _DELAYS = (1, 2, 3, 4, 5, 6, 8, 11, 15)  # in samples: between them a delay interpolates, and the evidence ripples
-_WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of play and dead bands, in deviations of the input
+_WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of play and dead bands from end to end, in deviations of the input
 _RATES = (0.7, 0.5, 0.35, 0.25, 0.15)  # of the steepest slope of the input that all but a thousandth keep to
 _PASSING = (3, 6, 9)  # orders of a load that is short against a revolution, as a blade's before the tower
 _TURNS = (5.0, 10.0, 20.0)  # time constants of the wake, in windows / 5
@@ -122,10 +122,11 @@ def _nonlinear(pair: Pair, i: int, unit: str, u: Array) -> list[Hypothesis]:
 
     if spread > 0:
         widths = tuple((k * spread,) for k in _WIDTHS)
+        halves = tuple((0.5 * k * spread,) for k in _WIDTHS)  # a dead band's width is that to either side
         found += [
             Hypothesis("backlash", place, ("width",), (unit,), (1e-3 * spread,), (4 * spread,), widths,
                        partial(timeless, op.play)),
-            Hypothesis("deadband", place, ("width",), (unit,), (1e-3 * spread,), (4 * spread,), widths,
+            Hypothesis("deadband", place, ("width",), (unit,), (5e-4 * spread,), (2 * spread,), halves,
                        partial(timeless, op.dead_band)),
         ]  # fmt: skip
     if slope > 0:

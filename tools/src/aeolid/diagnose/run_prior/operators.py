@@ -137,11 +137,11 @@ def rate_limited(x: Array, rate: float, step: float) -> Array:
 
 @njit(cache=True)
 def dead_band(x: Array, width: float) -> Array:
-    """Return what follows x only when it has left a band of ± width/2 about where it stood."""
+    """Return what follows x only when it has left a band of ± width about where it stood."""
     out = np.empty_like(x)
-    at, half = x[0], 0.5 * width
+    at = x[0]
     for k in range(len(x)):
-        if abs(x[k] - at) > half:
+        if abs(x[k] - at) > width:
             at = x[k]
         out[k] = at
     return out

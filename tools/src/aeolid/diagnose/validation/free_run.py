@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.decompositions import lstsq
-from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.baseline.recorded_wind import PREFIX
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.data.split import Split
@@ -19,6 +18,7 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def fitted_to_run_free(predictor: Predictor, fit: Fit, split: Split) -> FreeRun 
     theta = fit.point.theta.copy()
     theta[[i for i, p in enumerate(model.parameters) if p.name.startswith(PREFIX)]] = 0.0  # no file asks for that wind
     told = replace(fit.point, theta=theta, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
-    physical = [i for i in fit.free.theta if not model.parameters[i].name.startswith(NUISANCE)]
+    physical = [i for i in fit.free.theta if not is_nuisance(model.parameters[i].name)]
     free, count = Free(tuple(physical), (), (), fit.free.x0), len(split.fit)
     part = predictor.on(split.fit).with_order(0)
     start = replace(told, x0=told.x0[:count])

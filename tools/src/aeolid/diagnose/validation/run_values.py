@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.decompositions import pinv
-from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
@@ -26,6 +25,7 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def _power(predictor: Predictor, point: Point) -> float:
 def physical(predictor: Predictor, free: Free) -> Free:
     """Return what a free run may move: the model's own values, and the starts."""
     parameters = predictor.compiled.model.parameters
-    return Free(tuple(i for i in free.theta if not parameters[i].name.startswith(NUISANCE)), (), (), free.x0)
+    return Free(tuple(i for i in free.theta if not is_nuisance(parameters[i].name)), (), (), free.x0)
 
 
 def running(point: Point, theta: Array) -> Point:

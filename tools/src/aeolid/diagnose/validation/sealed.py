@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
+from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.hypotheses.catalogue import entry
@@ -15,6 +15,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import rivals_of
 from aeolid.diagnose.selection.several import form_beside
 from aeolid.diagnose.stats.blocks import block_interval
+from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.diagnose.validation.proof import Proof, prove
 
 _RIVALS = 3  # that the sealed data are asked about, where they do not bear out what leads
@@ -135,7 +136,7 @@ def declared_against(prepared: Prepared, seed: int) -> Proof | None:
 
     prepared: the bare stage.
     """
-    physical = [i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(NUISANCE)]
+    physical = [i for i in prepared.free.theta if not is_nuisance(prepared.extended.parameters[i].name)]
     if not physical:
         return None
     held = replace(prepared.free, theta=tuple(i for i in prepared.free.theta if i not in physical))

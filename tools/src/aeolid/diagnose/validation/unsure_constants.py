@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
+from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import Moved, moved_in
 from aeolid.diagnose.candidates.plausible import values_of
@@ -15,6 +15,7 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Prior
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ def _joint(declared: Equations, predictor: Predictor, before: Fit) -> tuple[Fit,
 
     None where the model holds none, or where the step is not finite.
     """
-    names = {p.name for p in declared.parameters if not p.free and p.value and not p.name.startswith(NUISANCE)}
+    names = {p.name for p in declared.parameters if not p.free and p.value and not is_nuisance(p.name)}
     parameters = enumerate(predictor.compiled.model.parameters)
     held = [i for i, p in parameters if p.name in names and i not in before.free.theta]
     if not held:
