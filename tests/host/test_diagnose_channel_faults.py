@@ -106,6 +106,37 @@ def test_each_fault_is_found_at_its_place_and_put_right(how: str) -> None:
     assert sum(found) >= 3  # of four: some inputs hardly reach the outputs, behind a lag least of all
 
 
+def first_rows(case: Case, rows: int) -> Case:
+    """Return the case with the first rows of its recording alone."""
+    return replace(case, records=(case.records[0].slice(0, rows),))
+
+
+@pytest.mark.parametrize("rows", [500, 1500])
+def test_a_short_recording_in_radians_is_found_as_a_long_one_is(rows: int) -> None:
+    """Free weights of past inputs gain half a nat each by chance, which in few rows is much of what they gain."""
+    found = 0
+    for seed in range(8):
+        whole, u, y = draw_case(seed, lag=3.0)
+        faults, _ = channel_faults(first_rows(spoil(whole, u, y, "input in radians"), rows))
+        found += [(f.id, f.entry) for f in faults] == [SAID["input in radians"][:2]]
+        assert channel_faults(first_rows(whole, rows))[0] == ()
+    assert found >= 6  # of eight: some inputs hardly reach the outputs
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("mm", 0.1), ("mm", 10.0), ("mm", 1 / 25.4), ("m", 3.28084), ("m", 100.0)]
+)
+def test_an_output_in_another_unit_of_its_kind_is_found(unit: str, factor: float) -> None:
+    """Centimetres, inches and feet for what roles and model call otherwise."""
+    whole, u, y = draw_case(1)
+    assert isinstance(whole.baseline, StateSpace)
+    outputs = (replace(whole.baseline.outputs[0], unit=unit), whole.baseline.outputs[1])
+    faults, repaired = channel_faults(as_case(replace(whole.baseline, outputs=outputs), u, y * [factor, 1.0]))
+    assert [(f.id, f.entry) for f in faults] == [("sensor_scale", "output:y0")]
+    assert faults[0].factor == pytest.approx(factor, rel=1e-9)
+    assert repaired.records[0].values == pytest.approx(whole.records[0].values, rel=1e-9, abs=1e-12)
+
+
 def test_nothing_is_said_of_channels_that_are_right() -> None:
     """A lag, a gain that is a third off, a mode that is softer, levels, and much noise are no faults of channels."""
     for seed in range(8):  # every lag about either mean

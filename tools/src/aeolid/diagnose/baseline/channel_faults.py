@@ -27,6 +27,9 @@ RATIOS: tuple[tuple[float, str, tuple[str, ...]], ...] = (  # factor, its words,
     (9.80665, "m/s^2 to a g", ("m/s^2", "m/s2", "g")),
     (3.6, "km/h to a m/s", ("m/s", "km/h")),
     (60.0, "seconds to a minute", ("s", "min", "1/s", "1/min", "rpm", "Hz")),
+    (10.0, "millimetres to a centimetre", ("mm", "cm", "mm/s", "cm/s")),
+    (25.4, "millimetres to an inch", ("mm", "in")),
+    (3.28084, "feet to a metre", ("m", "ft", "m/s", "ft/s")),
     (100.0, "centimetres to a metre", ("m", "cm", "m/s", "cm/s")),
     (1000.0, "a thousand", ()),  # of every unit
 )
@@ -154,7 +157,8 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     ):
         return None
     plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
-    if after - plain < rules.fault_explained_share * (free - plain):
+    by_chance = 0.5 * _FINE * len(judge.names[0]) * len(judge.names[1])  # half a nat for each free weight
+    if after - plain < rules.fault_explained_share * (free - plain - by_chance):
         return None
     if best.kind == "swap" and _with_values(judge, best.wiring) - _with_values(judge, base) < evidence.clear_nats:
         return None

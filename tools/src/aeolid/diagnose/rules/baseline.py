@@ -20,7 +20,7 @@ class BaselineRules:
     fault_explained_share: float = rule(
         0.7,
         "share",
-        "part of what inputs with free weights would gain over the wiring as declared that a fault must gain",
+        "part of what free weights of inputs gain beyond chance over the wiring as declared that a fault must gain",
     )
     fault_sign_share: float = rule(
         0.15, "share", "part of a sign's gain that must be left over no response at all; a quarter is expected"
