@@ -51,23 +51,21 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
     outputs, reach = innovations[0].shape[1], max(order, reach or 0)
     parts = [_explained(e, max(burn, reach), order, reach) for e, burn in zip(innovations, burns, strict=True)]
     y, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts, strict=True))
-    known = [e[max(burn, reach) :] for e, burn in zip(innovations, burns, strict=True)]
-    known = [e[np.all(np.isfinite(e), axis=1)] for e in known]
-    var, whole = np.zeros((order, outputs, outputs)), _mean_square(known)
+    known = np.concatenate([e[max(burn, reach) :] for e, burn in zip(innovations, burns, strict=True)])
+    var, whole = np.zeros((order, outputs, outputs)), _mean_square(known[np.all(np.isfinite(known), axis=1)])
     if order and len(y):
         gram = z.T @ z
         coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
         var = coefficients.reshape(order, outputs, outputs).transpose(0, 2, 1)
         y = y - z @ coefficients
-    covariance = _mean_square([y]) if len(y) else whole
+    covariance = _mean_square(y) if len(y) else whole
     # a perfectly predicted output keeps a finite likelihood
     kept = [c + 1e-12 * max(float(np.trace(c)), 1e-300) * np.eye(outputs) for c in (covariance, whole)]
     return Noise(var, *kept)
 
 
-def _mean_square(parts: Sequence[Array]) -> Array:
-    count = sum(len(y) for y in parts)
-    found: Array = sum((y.T @ y for y in parts), np.zeros((parts[0].shape[1],) * 2)) / max(count, 1)
+def _mean_square(y: Array) -> Array:
+    found: Array = y.T @ y / max(len(y), 1)
     return found
 
 
