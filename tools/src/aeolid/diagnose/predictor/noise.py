@@ -46,12 +46,12 @@ class Noise:
 def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int, reach: int | None = None) -> Noise:
     """Fit a VAR(order) to innovations by least squares, to rows that are whole; no colour where there are none.
 
-    reach: rows before each that must be whole, too, at least and by default `order`; for orders to be compared.
+    reach: rows before each in which nothing may be missing, at least and by default `order`; for orders to be compared.
     """
     outputs, reach = innovations[0].shape[1], max(order, reach or 0)
-    parts = [_explained(e, max(burn, reach), order, reach) for e, burn in zip(innovations, burns, strict=True)]
+    parts = [_explained(e, max(burn, order), order, reach) for e, burn in zip(innovations, burns, strict=True)]
     y, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts, strict=True))
-    known = np.concatenate([e[max(burn, reach) :] for e, burn in zip(innovations, burns, strict=True)])
+    known = np.concatenate([e[max(burn, order) :] for e, burn in zip(innovations, burns, strict=True)])
     var, whole = np.zeros((order, outputs, outputs)), _mean_square(known[np.all(np.isfinite(known), axis=1)])
     if order and len(y):
         gram = z.T @ z
@@ -72,22 +72,14 @@ def _mean_square(y: Array) -> Array:
 def _explained(e: Array, first: int, order: int, reach: int) -> tuple[Array, Array]:
     """Return the rows of e (N, l) from `first` on and the `order` rows before each, side by side.
 
-    Only those that are whole with the `reach` rows before them.
+    Only those in which, and in the `reach` rows before which, nothing is missing.
     """
     y = e[first:]
     z = np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)]) if order else np.zeros((len(y), 0))
-    finite = np.isfinite(e)
-    if finite.all():
+    if np.isfinite(e).all():
         return y, z
-    good = _whole(e, first, reach)
+    good = ~touched(e, reach)[first:]
     return y[good], z[good]
-
-
-def _whole(e: Array, first: int, reach: int) -> NDArray[np.bool_]:
-    """Tell which rows of e (N, l) from `first` on are finite with the `reach` rows before them."""
-    rows = np.all(np.isfinite(e), axis=1)
-    found: NDArray[np.bool_] = np.logical_and.reduce([rows[first - i : len(e) - i] for i in range(reach + 1)])
-    return found
 
 
 def preferred_order(
@@ -96,12 +88,11 @@ def preferred_order(
     """Return the order of the noise model that BIC prefers; innovations (N, l) of each segment, `burns` rows unscored.
 
     Among `orders` (ascending), by default 0, 1 and 2, of a model without states also 4 and 8, as far as there are 20
-    rows a value; all are compared on the rows that the largest of them can use.
+    rows a value; behind gaps all are compared on the rows that the largest of them can use.
     """
     outputs, count, usable = innovations[0].shape[1], 0, [0]
     for order in orders or (_MORE_ORDERS if stateless else _VAR_ORDERS):
-        whole = [_whole(e, max(b, order), order) for e, b in zip(innovations, burns, strict=True)]
-        rows = sum(int(np.sum(w)) for w in whole)
+        rows = sum(int(np.sum(~touched(e, order)[burn:])) for e, burn in zip(innovations, burns, strict=True))
         if rows < 20 * (order * outputs + 1):
             break
         count, usable = rows, [*usable, order]
