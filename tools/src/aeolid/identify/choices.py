@@ -125,8 +125,10 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     scarce = result.extra.get("scarce", "")
     if check is not None:
         stands = held.get("taken", False) and held.get("ended", True) and not held.get("reason")
-        confirmed = check.holds is None and stands and not scarce
+        limited = held.get("limited") or ""
+        confirmed = check.holds is None and stands and not scarce and not limited
         window = "" if confirmed else check.reason
+        window += f"; {limited}" if window and limited and check.holds is None else ""
         near = result.extra.get("crowded", {}).get("reason", "")
         reasons = [r for r in (scarce, window, held.get("reason"), near) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []

@@ -32,6 +32,7 @@ DECAYED = 1e-12  # of a first state's size in the errors, below which it is forg
 LONGEST_ANSWER = 50_000  # samples that are asked for a first state
 HELD_OUT_LEAST = 20  # samples per channel that must be held out
 MEMORIES = 3.0  # time constants of the predictor's slowest pole that a recording must hold: e⁻³ = 5 % are left of it
+AT_END = 0.01  # of log |z| of that pole: steps come this near to the bound where the errors fall beyond it
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +217,14 @@ class Descent:
         """
         return float(np.exp(-MEMORIES / max(len(s.y) for s in self.stretches)))
 
+    def is_bounded(self, model: ScaledModel) -> bool:
+        """Say whether the predictor's slowest pole lies where the recordings are too short to show it, or next to it.
+
+        Steps that end there would have gone on: the noise has a longer memory than a stretch holds.
+        """
+        radius = spectral_radius(model.A - model.K @ model.C)
+        return bool(radius >= self._slowest() ** (1 + AT_END))
+
     def result(self, path: Sequence[ScaledModel], held_out: float | None, stopped: str) -> Refinement:
         """Return the end of a path, its gain over the start and the covariance of its numbers."""
         start, model = path[0], path[-1]
@@ -238,7 +247,8 @@ class Descent:
         R = self.information(model, run, weight_of(covariance), coordinates)
         if not usable(R) or column_scale(R).min() <= 1e-300:
             return None
-        spent = coordinates.free / max(sum(map(len, run.errors)) * len(covariance), 1)
+        numbers = coordinates.free + len(model.A) * len(self.stretches) + len(covariance)  # first states, constant
+        spent = numbers / max(sum(map(len, run.errors)) * len(covariance), 1)
         root: Array = coordinates.basis @ covariance_root(R, coordinates.free) / np.sqrt(max(1 - spent, 0.1))
         return root
 

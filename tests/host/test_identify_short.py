@@ -1,0 +1,85 @@
+"""Hold sets of short recordings: what they are too short for is said, and one takes nothing from long ones."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from aeolid.identify.choices import Choices, with_choices_made
+from aeolid.identify.contrast import MEMORY, STARTS
+from aeolid.identify.refine import Descent, Stretch, run_model
+from aeolid.identify.request import Request
+from aeolid.identify.run import identify_records
+from aeolid.identify.sensitivity import Coordinates
+from aeolid.identify.subspace import ScaledModel
+from aeolid.identify.truncation import WindowCheck
+from aeolid.models.recursion import run_states
+from aeolid.record import Channel, Record
+
+STEP = 0.1  # s
+SIGMA = 0.3  # of the innovations
+
+
+def turning(hertz, damping):
+    """Return a mode's block of A."""
+    w = 2 * np.pi * hertz * STEP
+    return np.exp(-damping * w) * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]])
+
+
+def two_modes():
+    """Return an innovation form whose predictor remembers seventy samples, 0.3 Hz at 5 % beside 2.2 Hz."""
+    A = np.zeros((4, 4))
+    A[:2, :2], A[2:, 2:] = turning(0.3, 0.05), turning(2.228, 0.0218)
+    B, C = np.array([[0.3, 0.2, 0.3, -0.2]]).T, np.array([[0.7, 0.2, 0.6, 0.1]])
+    return ScaledModel(A, B, C, np.zeros((1, 1)), np.array([[0.1, 0.05, 0.1, 0.1]]).T, np.eye(1) * SIGMA**2, "drawn")
+
+
+def drawn(model, samples, random):
+    """Return u and y (N, 1) of an innovation form from a random first state."""
+    u, e = random.standard_normal((samples, 1)), SIGMA * random.standard_normal((samples, 1))
+    x = run_states(model.A, u @ model.B.T + e @ model.K.T, random.standard_normal(len(model.A)))[:-1]
+    return u, x @ model.C.T + e
+
+
+def record_of(model, samples, random):
+    channels = (Channel("u", "", "input"), Channel("y", "", "output"))
+    return Record(STEP * np.arange(samples), np.hstack(drawn(model, samples, random)), channels, STEP, "drawn", "0")
+
+
+def test_recordings_shorter_than_the_memory_of_the_noise_confirm_no_window():
+    """25 samples hold a third of the predictor's memory: steps end at the longest that they show, far from the mode."""
+    random, model = np.random.default_rng(0), two_modes()
+    records = [record_of(model, 25, random) for _ in range(240)]
+    found = identify_records(records, Request(order=4, feedthrough="none", detrend="none"))
+    assert found.extra["contrast"]["limited"] == MEMORY and found.extra["window"]["holds"] is None
+    assert found.extra["bands_hold"] is False and MEMORY in found.extra["bands_reason"]
+
+
+def test_first_states_of_many_stretches_leave_too_little_to_confirm_a_window():
+    """A predictor that forgets within five samples, one in twelve numbers spent on first states."""
+    random = np.random.default_rng(1)
+    A, C = turning(1.0, 0.1), np.array([[1.0, 0.3]])
+    K = np.array([[1.2, -0.2]]).T
+    model = ScaledModel(A, np.array([[0.3, 0.2]]).T, C, np.zeros((1, 1)), K, np.eye(1) * SIGMA**2, "drawn")
+    assert abs(np.linalg.eigvals(A - K @ C)).max() < 0.8 and STARTS < 2 / 24
+    records = [record_of(model, 24, random) for _ in range(260)]
+    found = identify_records(records, Request(order=2, feedthrough="none", detrend="none"))
+    assert "first states" in found.extra["contrast"]["limited"]
+    check = WindowCheck(None, 4, 3, None, 0.0, "whether it is long enough cannot be said")
+    for limited, holds in ((found.extra["contrast"]["limited"], False), (None, True)):
+        facts = {"contrast": {"taken": True, "ended": True, "reason": None, "limited": limited}}
+        told = with_choices_made(replace(found, extra=facts), Choices(4, (), check=check))
+        assert told.extra["bands_hold"] is holds
+
+
+def test_deviations_know_what_first_states_have_taken_of_the_errors():
+    """Four first states to 25 errors: those of the fit have 84 % of the noise's power, deviations go by all of it."""
+    random, model, through = np.random.default_rng(2), two_modes(), (False,)
+    stretches = [Stretch(*drawn(model, 25, random), 17) for _ in range(240)]
+    descent, run = Descent(stretches, through, False), run_model(model, stretches, np.eye(1))
+    at = Coordinates.at(model, through)
+    R = descent.information(model, run, np.eye(1) / SIGMA, at)[:-1, :-1]
+    expected = at.basis @ np.linalg.inv(R.T @ R) @ at.basis.T
+    root = descent.result([model, model], None, "").root
+    ratio = np.sum(root**2) / np.trace(expected)
+    chance = 4 * np.sqrt(2 / (240 * 21))
+    assert abs(ratio - 1) < chance
