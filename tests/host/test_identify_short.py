@@ -3,9 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from aeolid.identify.choices import Choices, with_choices_made
+from aeolid.identify.choose_past import longest_past
 from aeolid.identify.contrast import MEMORY, STARTS
+from aeolid.identify.modal import find_modal
 from aeolid.identify.refine import Descent, Stretch, run_model
 from aeolid.identify.request import Request
 from aeolid.identify.run import identify_records
@@ -83,3 +86,21 @@ def test_deviations_know_what_first_states_have_taken_of_the_errors():
     ratio = np.sum(root**2) / np.trace(expected)
     chance = 4 * np.sqrt(2 / (240 * 21))
     assert abs(ratio - 1) < chance
+
+
+@pytest.mark.parametrize("short", [12, 40])
+def test_one_short_recording_takes_no_window_from_a_long_one(short):
+    random, model = np.random.default_rng(3), two_modes()
+    long, brief = record_of(model, 6000, random), record_of(model, short, random)
+    assert longest_past([long, brief], 2) == longest_past([long], 2)
+    alone, both = (identify_records(r, Request(feedthrough="none")) for r in ([long], [long, brief]))
+    assert both.settings.past == alone.settings.past and len(both.modes) == len(alone.modes)
+    assert any("1 of 2 recordings" in n for n in both.notes) == (both.settings.past >= short)
+    assert find_modal([long, brief]).diagram.windows == find_modal([long]).diagram.windows
+
+
+def test_one_long_recording_takes_no_samples_from_many_short_ones():
+    """A window that only the one in five samples of the long recording can fill is not tried."""
+    random, model = np.random.default_rng(4), two_modes()
+    many = [record_of(model, 40, random) for _ in range(100)]
+    assert longest_past([*many, record_of(model, 1000, random)], 2) == longest_past(many, 2) == 10
