@@ -8,11 +8,13 @@ import pytest
 from aeolid.identify.choices import Choices, with_choices_made
 from aeolid.identify.choose_past import longest_past
 from aeolid.identify.contrast import MEMORY, STARTS
+from aeolid.identify.missing import complete
 from aeolid.identify.modal import find_modal
 from aeolid.identify.refine import Descent, Stretch, run_model
 from aeolid.identify.request import Request
 from aeolid.identify.run import identify_records
 from aeolid.identify.sensitivity import Coordinates
+from aeolid.identify.spikes import remove_spikes
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.truncation import WindowCheck
 from aeolid.models.recursion import run_states
@@ -104,3 +106,28 @@ def test_one_long_recording_takes_no_samples_from_many_short_ones():
     random, model = np.random.default_rng(4), two_modes()
     many = [record_of(model, 40, random) for _ in range(100)]
     assert longest_past([*many, record_of(model, 1000, random)], 2) == longest_past(many, 2) == 10
+
+
+@pytest.mark.parametrize("samples", [2, 3, 15, 20])
+def test_recordings_as_short_as_the_order_that_spikes_are_looked_for_with_are_taken(samples):
+    random, model = np.random.default_rng(5), two_modes()
+    records = [record_of(model, samples, random) for _ in range(150)]
+    spoilt = records[7].values.copy()
+    spoilt[samples // 2, 1] += 500.0
+    cleaned = remove_spikes([*records[:7], replace(records[7], values=spoilt), *records[8:]], 20)
+    assert cleaned.cells == (samples > 3)  # of three none has a sample told by others before and after it
+    assert remove_spikes(records, 20).cells == 0
+
+
+def test_missing_cells_of_short_recordings_are_drawn_by_an_autoregression_that_has_windows():
+    """Of order 20 only one of 151 recordings has windows, fewer than there are coefficients: it would fit chance."""
+    random, model = np.random.default_rng(6), two_modes()
+    records = [*(record_of(model, 16, random) for _ in range(150)), record_of(model, 40, random)]
+    spoilt = []
+    for record in records:
+        values = record.values.copy()
+        values[2::5, 1] = np.nan
+        spoilt.append(replace(record, values=values))
+    done = complete(spoilt, 20)
+    off = np.concatenate([d.values[2::5, 1] - r.values[2::5, 1] for d, r in zip(done.records, records, strict=True)])
+    assert off.std() < 0.7 * np.vstack([r.values for r in records])[:, 1].std()
