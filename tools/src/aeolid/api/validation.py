@@ -37,8 +37,8 @@ class Validation:
     result : aeolid.identify.validation.Validation
         All numbers.
     residuals : ndarray, shape (M, l)
-        Innovations of the predictor, complete stretches one after the other; without a noise model the errors of the
-        free run.
+        Innovations of the predictor, stretches one after the other, not a number where an output is missing; without a
+        noise model the errors of the free run.
     outputs, units : tuple of str
         Names of the outputs and their units.
     sample_time_s : float
