@@ -17,6 +17,7 @@ from aeolid.models.prediction import bridged_stretches, channel_weights, complet
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 LARGEST = 1e100  # of an unstable predictor; beyond it least squares lose their footing
 
 
@@ -29,7 +30,7 @@ def predictor_states(model: LpvStateSpace, u: Array, y: Array, mu: Array, x0: Ar
     forced = apply_at(model.B, mu, u) + mu @ model.b
     if model.K is None:
         return run_scheduled(model.A, mu, forced, x0)
-    known = np.isfinite(y)
+    known: Flags = np.isfinite(y)
     direct = np.where(known, y, 0.0) - apply_at(model.D, mu, u)
     states = np.empty((len(u) + 1, model.order))
     states[0] = x0
@@ -54,7 +55,7 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
     horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y, mu = u[:horizon], y[:horizon], mu[:horizon]
     states = predictor_states(model, u, y, mu, np.zeros(model.order))[:-1]
-    known = np.isfinite(y)
+    known: Flags = np.isfinite(y)
     innovation = np.where(known, y, 0.0) - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)  # (N, l)
     A, C = (np.tensordot(mu, matrix, axes=1) for matrix in (model.A, model.C))
     transition = A if model.K is None else A - (np.tensordot(mu, model.K, axes=1) * known[:, None, :]) @ C
@@ -62,7 +63,7 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
     for k in range(horizon):
         rows[k] = C[k] @ product * weight[:, None]
         product = transition[k] @ product
-    good = (abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1)
+    good = np.asarray((abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1))
     used = known & good[:, None]
     x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)

@@ -53,7 +53,8 @@ def predictor_states(model: StateSpace, u: Array, y: Array, x0: Array) -> Array:
     u (N, r), y (N, l) deviations from the operating point; returns (N + 1, n). Around missing y the gain is that of
     `gains_around_gaps`.
     """
-    K, known = gain(model), np.isfinite(y)
+    K = gain(model)
+    known: Flags = np.isfinite(y)
     y = np.where(known, y, 0.0)
     closed, forced = model.A - K @ model.C, u @ (model.B - K @ model.D).T + y @ K.T
     states, start = np.empty((len(u) + 1, model.order)), 0
@@ -74,7 +75,8 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     """
     horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y = u[:horizon], y[:horizon]
-    states, known = predictor_states(model, u, y, np.zeros(model.order))[:-1], np.isfinite(y)
+    states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
+    known: Flags = np.isfinite(y)
     innovation = np.where(known, y, 0.0) - states @ model.C.T - u @ model.D.T  # (N, l)
     K, others = gain(model), gains_around_gaps(model, known)
     rows = np.empty((horizon, len(model.outputs), model.order))
@@ -83,7 +85,7 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
         rows[k] = block @ power
         power = (model.A - others.get(k, K) @ model.C) @ power
     with np.errstate(all="ignore"):
-        good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
+        good = np.asarray(np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1))
     used = known & good[:, None]
     x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)
@@ -94,7 +96,7 @@ def channel_weights(y: Array) -> Array:
 
     Each channel is held against its own size: the weights of all units are alike. Missing samples are left out.
     """
-    known = np.isfinite(y)
+    known: Flags = np.isfinite(y)
     spread = np.array([y[k, j].std() if k.any() else 0.0 for j, k in enumerate(known.T)])
     moves = spread > 1e-12 * np.where(known, abs(y), 0.0).max(axis=0, initial=0.0)
     out: Array = np.where(moves, 1.0 / np.where(moves, spread, 1.0), 0.0)
@@ -154,11 +156,11 @@ def bridged_stretches(driven: Array, y: Array, shortest: int) -> list[tuple[int,
     driven (N, ·): what drives the model, never missing in a run; y (N, l): none missing for more than BRIDGED samples
     in a row. A run begins and ends with a complete sample, and has at least `shortest` of them.
     """
-    known = np.isfinite(y)
+    known: Flags = np.isfinite(y)
     broken = ~np.isfinite(driven).all(axis=1)
     for column in known.T:
         broken |= _long_runs(~column, BRIDGED)
-    complete = known.all(axis=1) & ~broken
+    complete = np.asarray(known.all(axis=1) & ~broken)
     out = []
     for start, stop in complete_stretches(np.where(broken, np.nan, 0.0)[:, None], shortest):
         at = start + np.flatnonzero(complete[start:stop])
