@@ -22,7 +22,7 @@ from aeolid.identify.error_weight import RESOLVED, least_of, log_det, weight_of
 from aeolid.identify.extended import Samples
 from aeolid.identify.order import FIT_PART
 from aeolid.identify.sensitivity import Coordinates, chunk_length, error_derivatives, unpack
-from aeolid.identify.subspace import ScaledModel, move_inside, spectral_radius
+from aeolid.identify.subspace import ScaledModel, move_inside, rest_of, spectral_radius
 from aeolid.identify.uncertainty import MatrixSpread
 from aeolid.identify.windows import triangularise
 from aeolid.models.recursion import run_states
@@ -69,7 +69,8 @@ class Refinement:
     constant (l,): mean error that belongs to it; steps taken; held_out: by which part the steps lowered the error power
     of the fit part's model on what is held out, and gain that of everything, mean over outputs, 0 … 1; held_out_error:
     that error before and after them, in standard deviations, None where none is held out; root (npar, ·): cov θ = root
-    rootᵀ of θ = [A B K], [C D] row by row, None where the data are exact or the information is not finite.
+    rootᵀ of θ = [A B K], [C D] row by row, None where the data are exact or the information is not finite; samples: of
+    all stretches.
     """
 
     model: ScaledModel
@@ -81,6 +82,7 @@ class Refinement:
     feedthrough: tuple[bool, ...]
     stopped: str
     held_out_error: tuple[float, float] | None = None
+    samples: int = 0
 
     def to_json(self) -> dict[str, float | str | None]:
         """Return the facts for JSON."""
@@ -121,8 +123,7 @@ class Refinement:
     def equilibrium(self) -> Array:
         """Return the outputs at rest (l,) under the mean input, scaled units; see `subspace.equilibrium`."""
         m = self.model
-        rest = lstsq(np.eye(len(m.A)) - m.A, m.K @ self.constant, rcond=1e-2)
-        out: Array = m.C @ rest + self.constant
+        out: Array = m.C @ rest_of(m.A, m.K @ self.constant, self.samples) + self.constant
         return out
 
 
@@ -236,8 +237,9 @@ class Descent:
         powers = [np.log(np.maximum(c.diagonal(), RESOLVED)) for c in (before, run.covariance())]
         gain = 1 - float(np.exp(np.mean(powers[1] - powers[0])))
         model = replace(model, covariance=run.covariance(), gain_method="prediction error")
-        root = self._root(model, run)
-        return Refinement(model, run.constant, len(path) - 1, held_out, gain, root, self.feedthrough, stopped)
+        root, samples = self._root(model, run), sum(map(len, run.errors))
+        done = Refinement(model, run.constant, len(path) - 1, held_out, gain, root, self.feedthrough, stopped)
+        return replace(done, samples=samples)
 
     def _root(self, model: ScaledModel, run: Run) -> Array | None:
         covariance = run.covariance()
