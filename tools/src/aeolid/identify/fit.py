@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
 from aeolid.models.load import matched, require_sample_time
-from aeolid.models.prediction import bridged_stretches, estimate_initial_state, free_run, nrmse, predict, vaf
+from aeolid.models.prediction import bridged_stretches, estimate_initial_state, free_run, nrmse, predict_ahead, vaf
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
@@ -107,7 +107,7 @@ def measure_fit(model: StateSpace, records: Sequence[Record], steps: Sequence[in
         for _, u, y in stretches(model, record):
             x0 = estimate_initial_state(model, u - model.u_offset, y - model.y_offset)
             with np.errstate(all="ignore"):  # an unstable model may overflow: its score is then not finite
-                ahead = [predict(model, u, y, k, x0) for k in (1, *steps)]
+                ahead = predict_ahead(model, u, y, (1, *steps), x0)
                 parts.append((y, free_run(model, u, x0), *ahead))
     if not parts:
         raise NotIdentifiable(f"{records[0].source}: {NONE}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,17 +34,23 @@ def gains_around_gaps(model: StateSpace, known: Flags) -> dict[int, Array]:
     R = model.innovation_covariance
     if R is None or not np.isfinite(R).all() or np.linalg.eigvalsh(R)[0] <= 0:
         return {int(k): K * known[k] for k in gaps}
-    noise, out = K @ R @ K.T, {}
+    cross, there = K @ R, known.astype(np.float64)
+    noise, out = cross @ K.T, {}
+    least = FADED * np.linalg.norm(noise)
     for first in gaps:
         k, P = int(first), np.zeros_like(noise)
         while k not in out and k < len(known):
-            o = known[k]
-            C, G = model.C[o], np.zeros_like(K)
-            S = C @ P @ C.T + R[np.ix_(o, o)]
-            G[:, o] = np.linalg.solve(S, (model.A @ P @ C.T + (K @ R)[:, o]).T).T
-            P = model.A @ P @ model.A.T + noise - G[:, o] @ S @ G[:, o].T
+            C, S = model.C, R
+            if not known[k].all():  # an output that is missing has a row of zeros and its own unit of variance
+                C = C * there[k][:, None]
+                S = R * np.outer(there[k], there[k]) + np.diag(1 - there[k])
+            PC = P @ C.T
+            S = S + C @ PC
+            moved = model.A @ PC + cross * there[k]
+            G = np.linalg.solve(S, moved.T).T
+            P = model.A @ P @ model.A.T + noise - G @ moved.T
             out[k], k = G, k + 1
-            if np.linalg.norm(P) <= FADED * np.linalg.norm(noise):
+            if np.vdot(P, P) <= least**2:
                 break
     return out
 
@@ -109,14 +117,23 @@ def predict(model: StateSpace, u: Array, y: Array, steps: int = 1, x0: Array | N
     u (N, r), y (N, l) in the channels' units, y not a number where missing; steps ≥ 1. The first steps − 1 rows are
     predictions from x_0. x0: state at sample 0, default estimated.
     """
+    return predict_ahead(model, u, y, (steps,), x0)[0]
+
+
+def predict_ahead(
+    model: StateSpace, u: Array, y: Array, horizons: Sequence[int], x0: Array | None = None
+) -> list[Array]:
+    """Return what `predict` returns for each of the horizons; the predictor runs once for all."""
     du, dy = u - model.u_offset, y - model.y_offset
     start = estimate_initial_state(model, du, dy) if x0 is None else x0
     states = predictor_states(model, du, dy, start)[:-1]  # row k: x given data up to k − 1
-    for _ in range(min(steps - 1, len(u) - 1)):
+    direct, found = du @ model.D.T + model.y_offset, {1: states}
+    for steps in range(2, min(max(horizons), len(u)) + 1):
         later = states[:-1] @ model.A.T + du[:-1] @ model.B.T
         states = np.vstack([states[:1], later])  # the first row has no older start: rows younger than that run free
-    out: Array = states @ model.C.T + du @ model.D.T + model.y_offset
-    return out
+        if steps in horizons:
+            found[steps] = states
+    return [found.get(steps, states) @ model.C.T + direct for steps in horizons]
 
 
 def free_run(model: StateSpace, u: Array, x0: Array) -> Array:
