@@ -8,6 +8,7 @@ from typing import Any
 
 from aeolid.api.table import Table
 from aeolid.models.modes import Mode
+from aeolid.models.multiblade import Whirl
 from aeolid.models.shapes import shape_from_json
 from aeolid.text_files import is_number, is_short
 
@@ -16,7 +17,7 @@ Facts = Mapping[str, Any]
 
 def modes_table(modes: Sequence[Mode]) -> Table[Mode]:
     """Return modes as a table."""
-    return Table("modes", modes, _mode_row)
+    return Table("modes", modes, _mode_row, tuple(_mode_row(Mode(0.0, 0.0, 0j, None, None, {}))))
 
 
 def _mode_row(mode: Mode) -> dict[str, Any]:
@@ -44,11 +45,24 @@ def _stated(row: dict[str, Any]) -> Mode:
     if not all(map(is_number, numbers)) or not all(v is None or is_number(v) for v in spread):
         raise ValueError("a mode holds what is no number")
     order = row["rotor_order"] if isinstance(row.get("rotor_order"), int) else None
+    folded = row["folded_from_hz"] if is_number(row.get("folded_from_hz")) else None
     name = row["name"] if is_short(row.get("name")) else ""
     shares = dict(row["outputs"])
     known = Mode(row["frequency_hz"], row["damping"], complex(real, imaginary), spread[0], spread[1], shares, order)
     shape, tone = shape_from_json(row.get("shape")), row.get("tone") is True
-    return replace(known, name=name, tone=tone, shape=shape)
+    return replace(known, name=name, tone=tone, shape=shape, folded_from_hz=folded, whirl=_whirl(row.get("whirl")))
+
+
+def _whirl(told: Any) -> Whirl | None:
+    """Return how a mode moves the blades, None where that is not told."""
+    if not isinstance(told, dict):
+        return None
+    stem, direction, degree, collective, blade_hz = (
+        told.get(k) for k in ("blades", "direction", "degree", "collective", "blade_frequency_hz")
+    )
+    if not is_short(stem) or not is_short(direction) or not is_number(degree) or not is_number(collective):
+        return None
+    return Whirl(stem, direction, degree, collective, blade_hz) if blade_hz is None or is_number(blade_hz) else None
 
 
 def fit_table(facts: Facts | None, outputs: Sequence[str]) -> Table[dict[str, Any]]:
@@ -61,7 +75,8 @@ def fit_table(facts: Facts | None, outputs: Sequence[str]) -> Table[dict[str, An
             for measure, label in (("vaf", "vaf_percent"), ("nrmse", "nrmse")):
                 row[f"{run}_{label}"] = _number(fit, run, measure, name)
         rows.append(row)
-    return Table("outputs", rows, dict)
+    columns = [f"{run}_{label}" for run in ("one_step", "free_run") for label in ("vaf_percent", "nrmse")]
+    return Table("outputs", rows, dict, ("output", *columns))
 
 
 def one_step_fit(table: Table[dict[str, Any]]) -> float | None:

@@ -183,8 +183,10 @@ def modes(
     """
     from aeolid.identify.choose_past import read_past
     from aeolid.identify.modal import find_modal
+    from aeolid.identify.request_checks import check_whole
 
     found = as_records(records)
+    check_whole({"decimate": decimate})
     window = read_past(str(past), found[0].sample_time_s * decimate)
     result = find_modal(
         found, outputs=outputs, past=window, largest=largest_order, decimation=decimate, reference=reference,

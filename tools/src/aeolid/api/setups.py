@@ -184,11 +184,13 @@ def merge_setups(
         not observe one.
     """
     from aeolid.identify.choose_past import read_past
+    from aeolid.identify.request_checks import check_whole
     from aeolid.identify.setup_request import find_merged
 
     if isinstance(setups, str) or not isinstance(setups, Sequence):
         raise UsageError("setups is no sequence of recordings")
     found = [as_records(one) for one in setups]
+    check_whole({"decimate": decimate})
     windows = [read_past(str(past), records[0].sample_time_s * decimate) for records in found]
     kept, used = ([n] if isinstance(n, str) else n for n in (references, outputs))
     result = find_merged(

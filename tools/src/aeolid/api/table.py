@@ -14,7 +14,9 @@ T = TypeVar("T")
 class Table(Sequence[T], Generic[T]):
     """Hold items of one kind in order; iterate, index, or take them as a pandas.DataFrame."""
 
-    def __init__(self, what: str, items: Sequence[T], row: Callable[[T], dict[str, Any]]) -> None:
+    def __init__(
+        self, what: str, items: Sequence[T], row: Callable[[T], dict[str, Any]], columns: Sequence[str] = ()
+    ) -> None:
         """Hold items.
 
         Parameters
@@ -25,8 +27,10 @@ class Table(Sequence[T], Generic[T]):
             The items.
         row : callable
             Turns an item into a row: column to value.
+        columns : sequence of str
+            The columns of a table without items.
         """
-        self._what, self._items, self._row = what, tuple(items), row
+        self._what, self._items, self._row, self._columns = what, tuple(items), row, tuple(columns)
 
     @overload
     def __getitem__(self, index: int) -> T: ...
@@ -35,7 +39,7 @@ class Table(Sequence[T], Generic[T]):
     def __getitem__(self, index: int | slice) -> T | Table[T]:
         """Return one item, or a table of some."""
         if isinstance(index, slice):
-            return Table(self._what, self._items[index], self._row)
+            return Table(self._what, self._items[index], self._row, self._columns)
         return self._items[index]
 
     def __len__(self) -> int:
@@ -45,10 +49,11 @@ class Table(Sequence[T], Generic[T]):
         return iter(self._items)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the rows as a pandas.DataFrame, one an item."""
+        """Return the rows as a pandas.DataFrame, one an item; without items it has the columns all the same."""
         import pandas as pd
 
-        return pd.DataFrame([self._row(item) for item in self._items])
+        rows = [self._row(item) for item in self._items]
+        return pd.DataFrame(rows) if rows else pd.DataFrame(columns=list(self._columns))
 
     def __repr__(self) -> str:
         columns = ", ".join(self._row(self._items[0])) if self._items else ""

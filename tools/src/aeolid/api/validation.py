@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,8 +37,8 @@ class Validation:
     result : aeolid.identify.validation.Validation
         All numbers.
     residuals : ndarray, shape (M, l)
-        Innovations of the predictor, complete stretches one after the other; without a noise model the errors of the
-        free run.
+        Innovations of the predictor, stretches one after the other, not a number where an output is missing; without a
+        noise model the errors of the free run.
     outputs, units : tuple of str
         Names of the outputs and their units.
     sample_time_s : float
@@ -77,8 +77,10 @@ class Validation:
     @property
     def tests(self) -> Table[ResidualTest]:
         """Return the tests of the innovations; empty without a noise model."""
+        from aeolid.identify.residuals import ResidualTest
+
         tests = () if self.result.residuals is None else self.result.residuals.tests
-        return Table("tests", tests, lambda t: dict(t.__dict__))
+        return Table("tests", tests, lambda t: dict(t.__dict__), tuple(f.name for f in fields(ResidualTest)))
 
     @property
     def advice(self) -> tuple[str, ...]:
@@ -195,6 +197,7 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
     UsageError
         Where an argument has another type or value.
     """
+    from aeolid.identify.free_run import started
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import matched
     from aeolid.models.rate import at_rate_of, rate_of
@@ -203,7 +206,10 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
     slow = at_rate_of(rate_of(core), as_record(record))
     result = validate_model(core, slow, _horizons(steps))
     names, units = tuple(s.name for s in core.outputs), tuple(s.unit for s in core.outputs)
-    residuals = matched(slow, core.outputs) - core.simulate(slow) if result.fit is None else result.fit.innovations
+    if result.fit is None:  # of the run that is scored
+        residuals = matched(slow, core.outputs) - started(core, slow).simulate(slow)
+    else:
+        residuals = result.fit.innovations
     return Validation(result, residuals, names, units, slow.sample_time_s)
 
 

@@ -234,8 +234,8 @@ def _say_refinement(settings: Settings, done: Refinement | None) -> list[str]:
 def with_innovations(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:
     """Return the model with the covariance of its innovations as measured, and its fit."""
     fit = measure_fit(model, records)
-    covariance = np.atleast_2d(np.cov(fit.innovations.T))
-    if not np.isfinite(covariance).all():  # the one of the Riccati equation stays
+    covariance = fit.covariance(model.order)
+    if covariance is None:  # the one of the Riccati equation stays
         return model, fit
     return replace(model, innovation_covariance=covariance), fit
 

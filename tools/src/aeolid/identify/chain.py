@@ -55,6 +55,18 @@ class Chain:
         return out
 
 
+def largest_order(lengths: Sequence[int], channels: int, most: int, rows: int) -> int:
+    """Return the largest order up to `most` of an autoregression that recordings of these lengths tell, 0 where none.
+
+    rows: samples a regressor, at least. Half of all samples lie in recordings of at least three times the order: there
+    are cells with as many before and after them, and most samples are the end of a window.
+    """
+    longest_first = np.sort(np.asarray(lengths, np.int64))[::-1]
+    held = np.cumsum(longest_first)
+    typical = longest_first[np.searchsorted(held, held[-1] / 2)]
+    return int(min(most, held[-1] // (rows * max(channels, 1)), typical // 3))
+
+
 def fit_chain(factor: WindowFactor) -> Chain:
     """Return the autoregression of order p that the windows of p + 1 samples tell, the smallest where many do."""
     m, q = factor.inputs + factor.outputs, factor.past

@@ -88,7 +88,7 @@ def choose(
         said += [f"the delay of {n} is estimated; --delay none leaves it to the model" for n in late if delays == AUTO]
     through = tuple(n in on for n in scaling.inputs)
     made = _with_past(ladder, given, through, regularization, checked, followed)
-    made = replace(made, feedthrough=on, notes=(*made.notes, *said), tested=tested)
+    made = replace(made, feedthrough=on, notes=(*made.notes, *said, *_say_short(records, made.past)), tested=tested)
     return replace(made, missing=tuple(t.name for t in missing), delays=late or None)
 
 
@@ -101,6 +101,13 @@ def _climbed(records: Sequence[Record], given: int | None) -> tuple[Scaling, Lad
         require_windows(records, given, scaling.channels)
     most = longest_past(records, scaling.channels)
     return scaling, _ladder(records, scaling, most if given is None else max(min(4 * given, most), given))
+
+
+def _say_short(records: Sequence[Record], past: int) -> list[str]:
+    short = sum(len(r) <= past for r in records)
+    if not short:
+        return []
+    return [f"{short} of {len(records)} recordings are no longer than the past window of {past} samples: not used"]
 
 
 def _said(tested: tuple[Feedthrough, ...], missing: tuple[Feedthrough, ...], auto: bool) -> list[str]:
@@ -125,8 +132,10 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     scarce = result.extra.get("scarce", "")
     if check is not None:
         stands = held.get("taken", False) and held.get("ended", True) and not held.get("reason")
-        confirmed = check.holds is None and stands and not scarce
+        limited = held.get("limited") or ""
+        confirmed = check.holds is None and stands and not scarce and not limited
         window = "" if confirmed else check.reason
+        window += f"; {limited}" if window and limited and check.holds is None else ""
         near = result.extra.get("crowded", {}).get("reason", "")
         reasons = [r for r in (scarce, window, held.get("reason"), near) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []

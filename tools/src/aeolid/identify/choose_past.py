@@ -31,6 +31,8 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 SHORTEST, LONGEST = 10, 400
 WIDEST = 640  # coefficients of the longest window tried: the work grows with their cube
+PARTS = 4  # windows that a recording must be as long as, for one of that length to be tried on it
+CARRIED = 0.5  # of all samples: recordings long enough for the longest window hold as many, the others add none to it
 A_COEFFICIENT = 4  # windows a coefficient of the longest window tried, 3 of 10 of them held out
 STEP = 2**0.5  # between windows tried
 
@@ -82,11 +84,19 @@ def read_past(text: str, sample_time_s: float) -> int | None:
 
 
 def longest_past(records: Sequence[Record], channels: int) -> int:
-    """Return the longest window that the data and the work allow, samples; at least 1."""
-    samples = sum(len(r) for r in records)
-    width = min(samples // A_COEFFICIENT, WIDEST)
-    shortest = min(len(r) for r in records)
-    return max(min(width // channels - 1, LONGEST, shortest // 4), 1)
+    """Return the longest window that the data and the work allow, samples; at least 1.
+
+    Recordings that are too short for a window add nothing to it and forbid it to no other: those that are PARTS times
+    as long must hold half of all samples, and enough for its coefficients.
+    """
+    lengths = sorted(map(len, records), reverse=True)
+    carried = np.cumsum(lengths)
+    longest = 1
+    for length, samples in zip(lengths, carried, strict=True):
+        if samples >= CARRIED * carried[-1]:
+            width = min(int(samples) // A_COEFFICIENT, WIDEST)
+            longest = max(longest, min(width // channels - 1, LONGEST, length // PARTS))
+    return longest
 
 
 def climb(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:

@@ -21,13 +21,15 @@ from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.truncation import KNOWN, MATERIAL
 
 if TYPE_CHECKING:
-    from aeolid.identify.refine import Refinement, Run, Stretch
+    from aeolid.identify.refine import Descent, Refinement, Run, Stretch
 
 Array = NDArray[np.float64]
 WORK = 4e10  # operations of all steps, some ten seconds: no more are taken
 BESIDE = 1e4  # operations a sample of each step beside its derivatives: a few runs of the predictor
 APART = 3.0  # deviations: of a pair of numbers by chance one in ninety, and less as P − I⁻¹ is below P
 MOST = 80  # steps: from a start far off they are many; no model is taken before they end
+STARTS = 0.02  # of the numbers recorded: where first states take more, errors on short stretches look white at any end
+MEMORY = "the recordings are too short for the memory of the noise"
 NATS = 0.02  # of log-likelihood: a step that gains less moves no number by more than a fifth of its deviation
 
 
@@ -56,8 +58,9 @@ class Contrast:
     done, steps: the steps and their number; apart, frequency_hz: of the pole that moves most, deviations told and Hz;
     failed: why the end of the steps cannot be taken, empty where it can or need not be; taken: whether it takes the
     place of the subspace model; white: whether its innovations on the longest stretch are white and free of the inputs'
-    past (`residuals`); ended: whether no step gained more. Taken is what the steps end at, if it fits the recordings no
-    worse and, where poles differ, has ended and is white.
+    past (`residuals`); ended: whether no step gained more; limited: why the end confirms no window, empty where it may:
+    it lies where the recordings show no longer memory, or first states take many of their numbers. Taken is what the
+    steps end at, if it fits the recordings no worse and, where poles differ, has ended and is white.
     """
 
     done: Refinement
@@ -68,10 +71,16 @@ class Contrast:
     taken: bool
     white: bool
     ended: bool = True
+    limited: str = ""
 
     @property
     def doubt(self) -> str:
         """Return why the deviations do not hold, empty where they do."""
+        if self.limited == MEMORY and self.apart > APART:
+            return (
+                f"prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by {min(self.apart, 999):.0f} "
+                f"standard deviations and end where {MEMORY}: standard deviations do not hold"
+            )
         if self.white and (self.taken or self.apart <= APART):
             return ""
         if self.apart <= APART:
@@ -101,7 +110,7 @@ class Contrast:
     def to_json(self) -> dict[str, Any]:
         """Return the JSON facts."""
         facts = {"apart": self.apart, "frequency_hz": self.frequency_hz, "steps": self.steps, "taken": self.taken,
-                 "white": self.white, "ended": self.ended}  # fmt: skip
+                 "white": self.white, "ended": self.ended, "limited": self.limited or None}  # fmt: skip
         return {"contrast": facts | {"failed": self.failed or None, "reason": self.doubt or None}}
 
 
@@ -129,7 +138,8 @@ def contrast(
     pole, apart = farthest(start, found.model, poles)
     hertz = float(abs(np.log(pole)) / (2 * np.pi * step_s)) if pole else 0.0
     white = _white(run_model(found.model, stretches, np.eye(outputs)), stretches)
-    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white, len(path) <= steps)
+    limited = _limit(descent, found.model, n * len(stretches) / (samples * outputs))
+    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white, len(path) <= steps, limited)
     if apart <= APART and not always:
         return met
     if len(path) == 1 or found.root is None:
@@ -142,6 +152,15 @@ def contrast(
     if not done.steps or done.root is None:
         return replace(met, failed="fit the recordings worse")
     return replace(met, done=replace(done, root=done.root / np.sqrt(information)), taken=True)
+
+
+def _limit(descent: Descent, end: ScaledModel, starts: float) -> str:
+    """Return why the end of the steps confirms no window; starts: part of the numbers that first states take."""
+    if descent.is_bounded(end):
+        return MEMORY
+    if starts > STARTS:
+        return f"the recordings are too short: their first states take {starts:.0%} of the numbers in them"
+    return ""
 
 
 def steps_to_pay(size: tuple[int, int, int, int], samples: int) -> int:

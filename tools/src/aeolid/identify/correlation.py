@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
@@ -19,21 +22,60 @@ def lagged_correlation(x: Array, past: Array, lags: int) -> Array:
     return np.array([x[t:] @ past[:-t] / size for t in range(1, lags + 1)])
 
 
-def whiten(u: Array, order: int = WHITENING_ORDER) -> Array:
-    """Return the prediction errors (N,) of an autoregression fitted to u; the first `order` samples are zero."""
+def whiten(u: Array, order: int = WHITENING_ORDER, lengths: Sequence[int] = ()) -> Array:
+    """Return the prediction errors (N,) of an autoregression fitted to u; the first `order` samples are zero.
+
+    lengths: samples of the stretches that u is made of, default one; the first `order` samples of each are zero.
+    """
     u = u - u.mean()
     order = min(order, len(u) // 10)
     if order == 0 or not u.any():
         return u
-    rows = np.lib.stride_tricks.sliding_window_view(u[:-1], order)  # (N − order, order)
-    target = u[order:]
+    pieces = np.split(u, np.cumsum(lengths[:-1], dtype=np.intp))
+    windows = [np.lib.stride_tricks.sliding_window_view(p[:-1], order) for p in pieces if len(p) > order]
+    rows, target = np.concatenate(windows), np.concatenate([p[order:] for p in pieces])  # (N − pieces order, order)
     coefficients = lstsq(rows.T @ rows, rows.T @ target, rcond=1e-12)
-    return np.concatenate([np.zeros(order), target - rows @ coefficients])
+    errors = iter(np.split(target - rows @ coefficients, np.cumsum([len(w) for w in windows[:-1]], dtype=np.intp)))
+    return np.concatenate(
+        [np.zeros(len(p)) if len(p) <= order else np.concatenate([np.zeros(order), next(errors)]) for p in pieces]
+    )
 
 
-def correlation(x: Array, lags: int) -> Array:
-    """Return the autocorrelation of x (N,) at lags 0 … lags − 1, as (lags,)."""
-    return np.concatenate([[1.0], lagged_correlation(x, x, lags - 1)])
+@dataclass(frozen=True, eq=False)
+class Spaced:
+    """Hold a signal about its mean, its stretches apart by `lags` samples, so that no lag joins two of them.
+
+    values (M,): zero where missing and between the stretches; known (M,): 1 where there is a sample, else 0.
+    """
+
+    values: Array
+    known: Array
+    stretches: int
+    lags: int
+
+    @classmethod
+    def of(cls, x: Array, lengths: Sequence[int], lags: int) -> Spaced:
+        """Return a signal (N,), not a number where missing, of stretches of these lengths."""
+        at = np.arange(len(x)) + lags * np.repeat(np.arange(len(lengths)), lengths)
+        there = np.isfinite(x)
+        values, known = np.zeros((2, int(at[-1]) + 1))
+        values[at] = np.where(there, x - (x[there].mean() if there.any() else 0.0), 0.0)
+        known[at] = there
+        return cls(values, known, len(lengths), lags)
+
+    def after(self, past: Spaced, lags: int) -> tuple[Array, Array]:
+        """Return the correlation with past_{k−τ}, τ = 1 … lags, and by how many samples it is known, both (lags,).
+
+        Of one stretch without gaps that is `lagged_correlation`, known by all samples.
+        """
+        rho, here, there = lagged_correlation(self.values, past.values, lags), self.known.sum(), past.known.sum()
+        pairs = np.array([self.known[t:] @ past.known[:-t] + self.stretches * t for t in range(1, lags + 1)])
+        pairs = np.clip(pairs, 1.0, min(here, there))  # those that an end of a stretch takes count as before
+        return rho * (np.sqrt(here * there) / pairs), pairs
+
+    def own(self) -> Array:
+        """Return the autocorrelation at lags 0 … lags − 1, as (lags,)."""
+        return np.concatenate([[1.0], self.after(self, self.lags - 1)[0]])
 
 
 def explained_share(rho: Array, own: Array) -> float:

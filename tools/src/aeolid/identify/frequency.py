@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
+INTEGRATES = 1e-9  # of the fastest pole: slower ones are an integrator's, off zero by rounding
+BEYOND = 10.0  # of the slowest and fastest pole: a decade on, a response is near its asymptote
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +38,17 @@ class FrequencyResponse:
 
 
 def default_frequencies(model: StateSpace, count: int = 400) -> Array:
-    """Return `count` frequencies in Hz, logarithmic from 1/2000 of the Nyquist frequency to just below it."""
-    nyquist = 0.5 / model.sample_time_s if model.sample_time_s > 0 else 100.0
-    return np.geomspace(nyquist / 2000, 0.999 * nyquist, count)
+    """Return `count` frequencies in Hz, logarithmic from 1/2000 of the Nyquist frequency to just below it.
+
+    In continuous time from a tenth of the slowest pole's frequency, integrators left out, to ten times the fastest's.
+    """
+    if model.sample_time_s > 0:
+        nyquist = 0.5 / model.sample_time_s
+        return np.geomspace(nyquist / 2000, 0.999 * nyquist, count)
+    poles = abs(np.linalg.eigvals(model.A)) / (2 * np.pi)
+    moving = poles[poles > INTEGRATES * poles.max(initial=0.0)]
+    lowest, highest = (moving.min(), moving.max()) if len(moving) else (1.0, 1.0)  # a gain, integrators: any will do
+    return np.geomspace(lowest / BEYOND, highest * BEYOND, count)
 
 
 def frequency_response(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from aeolid.decompositions import lstsq
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.chain import Chain, fill, fit_chain
+from aeolid.identify.chain import Chain, fill, fit_chain, largest_order
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling
 from aeolid.record import Record
 
@@ -79,7 +79,7 @@ def complete(records: Sequence[Record], past: int) -> Completed:
 def _settle(records: Sequence[Record], scaling: Scaling, bad: list[Flags], gaps: list[Flags], past: int) -> Completed:
     total = sum(map(len, records))
     draws = int(np.clip(-(-SAMPLES // total), FEWEST_DRAWS, MOST_DRAWS))
-    order = max(1, min(past, total // (ROWS * scaling.channels)))
+    order = max(1, largest_order([len(r) for r in records], scaling.channels, past, ROWS))
     sets: list[list[Record]] = [[_interpolated(r, scaling, g) for r, g in zip(records, gaps, strict=True)]]
     before: Chain | None = None
     for _ in range(PASSES):

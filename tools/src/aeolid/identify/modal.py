@@ -27,6 +27,7 @@ from aeolid.identify.harmonics import marked
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.output_only import ALL, of_outputs_alone
 from aeolid.identify.prepare import at_a_glance
+from aeolid.identify.request_checks import check_whole
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.identify.uncertainty import covariance_of
 from aeolid.identify.windows import find_scaling
@@ -168,6 +169,8 @@ def find_modal(
     output that shapes are scaled to. criteria: of the clusters. blades: sets that go to the fixed frame first, as in
     `blade_sets.find_sets`. Raises UsageError on settings that cannot be, NotIdentifiable on too few samples.
     """
+    asked = {"decimate": decimation, "past": past, "largest-order": largest}
+    check_whole({option: value for option, value in asked.items() if value is not None})
     if past is not None and past < 2:
         raise UsageError(f"past window {past} is not at least 2")
     if largest is not None and largest < 2:

@@ -22,7 +22,7 @@ from aeolid.identify.error_weight import RESOLVED, least_of, log_det, weight_of
 from aeolid.identify.extended import Samples
 from aeolid.identify.order import FIT_PART
 from aeolid.identify.sensitivity import Coordinates, chunk_length, error_derivatives, unpack
-from aeolid.identify.subspace import ScaledModel, move_inside, spectral_radius
+from aeolid.identify.subspace import ScaledModel, move_inside, rest_of, spectral_radius
 from aeolid.identify.uncertainty import MatrixSpread
 from aeolid.identify.windows import triangularise
 from aeolid.models.recursion import run_states
@@ -32,6 +32,7 @@ DECAYED = 1e-12  # of a first state's size in the errors, below which it is forg
 LONGEST_ANSWER = 50_000  # samples that are asked for a first state
 HELD_OUT_LEAST = 20  # samples per channel that must be held out
 MEMORIES = 3.0  # time constants of the predictor's slowest pole that a recording must hold: e⁻³ = 5 % are left of it
+AT_END = 0.01  # of log |z| of that pole: steps come this near to the bound where the errors fall beyond it
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,8 @@ class Refinement:
     constant (l,): mean error that belongs to it; steps taken; held_out: by which part the steps lowered the error power
     of the fit part's model on what is held out, and gain that of everything, mean over outputs, 0 … 1; held_out_error:
     that error before and after them, in standard deviations, None where none is held out; root (npar, ·): cov θ = root
-    rootᵀ of θ = [A B K], [C D] row by row, None where the data are exact or the information is not finite.
+    rootᵀ of θ = [A B K], [C D] row by row, None where the data are exact or the information is not finite; samples: of
+    all stretches.
     """
 
     model: ScaledModel
@@ -80,6 +82,7 @@ class Refinement:
     feedthrough: tuple[bool, ...]
     stopped: str
     held_out_error: tuple[float, float] | None = None
+    samples: int = 0
 
     def to_json(self) -> dict[str, float | str | None]:
         """Return the facts for JSON."""
@@ -120,8 +123,7 @@ class Refinement:
     def equilibrium(self) -> Array:
         """Return the outputs at rest (l,) under the mean input, scaled units; see `subspace.equilibrium`."""
         m = self.model
-        rest = lstsq(np.eye(len(m.A)) - m.A, m.K @ self.constant, rcond=1e-2)
-        out: Array = m.C @ rest + self.constant
+        out: Array = m.C @ rest_of(m.A, m.K @ self.constant, self.samples) + self.constant
         return out
 
 
@@ -216,6 +218,14 @@ class Descent:
         """
         return float(np.exp(-MEMORIES / max(len(s.y) for s in self.stretches)))
 
+    def is_bounded(self, model: ScaledModel) -> bool:
+        """Say whether the predictor's slowest pole lies where the recordings are too short to show it, or next to it.
+
+        Steps that end there would have gone on: the noise has a longer memory than a stretch holds.
+        """
+        radius = spectral_radius(model.A - model.K @ model.C)
+        return bool(radius >= self._slowest() ** (1 + AT_END))
+
     def result(self, path: Sequence[ScaledModel], held_out: float | None, stopped: str) -> Refinement:
         """Return the end of a path, its gain over the start and the covariance of its numbers."""
         start, model = path[0], path[-1]
@@ -227,8 +237,9 @@ class Descent:
         powers = [np.log(np.maximum(c.diagonal(), RESOLVED)) for c in (before, run.covariance())]
         gain = 1 - float(np.exp(np.mean(powers[1] - powers[0])))
         model = replace(model, covariance=run.covariance(), gain_method="prediction error")
-        root = self._root(model, run)
-        return Refinement(model, run.constant, len(path) - 1, held_out, gain, root, self.feedthrough, stopped)
+        root, samples = self._root(model, run), sum(map(len, run.errors))
+        done = Refinement(model, run.constant, len(path) - 1, held_out, gain, root, self.feedthrough, stopped)
+        return replace(done, samples=samples)
 
     def _root(self, model: ScaledModel, run: Run) -> Array | None:
         covariance = run.covariance()
@@ -238,7 +249,8 @@ class Descent:
         R = self.information(model, run, weight_of(covariance), coordinates)
         if not usable(R) or column_scale(R).min() <= 1e-300:
             return None
-        spent = coordinates.free / max(sum(map(len, run.errors)) * len(covariance), 1)
+        numbers = coordinates.free + len(model.A) * len(self.stretches) + len(covariance)  # first states, constant
+        spent = numbers / max(sum(map(len, run.errors)) * len(covariance), 1)
         root: Array = coordinates.basis @ covariance_root(R, coordinates.free) / np.sqrt(max(1 - spent, 0.1))
         return root
 

@@ -17,11 +17,16 @@ from aeolid.identify.request_checks import (
     check_preparation,
     check_scheduled,
     check_uncertainty,
+    check_whole,
     read_order,
     read_regularization,
 )
 
 DELAYED = ("varx", "varmax", "fir")
+_WHOLE = (
+    "future", "decimate", "passes", "kernel_rows", "joint_order", "deterministic_order", "bootstrap_runs",
+    "bootstrap_seed",
+)  # fmt: skip
 _RENAMED = {"forget": "forgetting", "memory": "memory_gb", "refine": "refined"}  # option: argument of the methods
 
 
@@ -82,6 +87,7 @@ class Request:
 
         Raises UsageError that names the option.
         """
+        check_whole(self.given(*_WHOLE))
         check_method(self.method, str(self.past))
         check_passes(self.given("passes", "forget"), self.method, streamed)
         check_uncertainty(self.given("uncertainty", "bootstrap_runs", "bootstrap_seed"), self.method, streamed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Mapping
 from typing import Any
 
 from aeolid.errors import UsageError
@@ -105,6 +107,17 @@ def check_finish(given: dict[str, Any], method: str, order: str) -> None:
         raise UsageError(f"--order-criterion is for --method varx and varmax; --method {method} chooses its own way")
     if order != "auto":
         raise UsageError(f"--order-criterion decides where --order is auto, not {order}; leave one of them out")
+
+
+def check_whole(given: Mapping[str, object]) -> None:
+    """Refuse a number that is not whole, by the name of its option."""
+    for option, value in given.items():
+        try:
+            whole = not isinstance(value, bool) and operator.index(value) is not None  # type: ignore[arg-type]
+        except TypeError:
+            whole = False
+        if not whole:
+            raise UsageError(f"--{option.replace('_', '-')} {value!r} is not a whole number")
 
 
 def read_order(given: str | int | None) -> int | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from aeolid.identify.correlation import correlation, explained_share, lagged_correlation, whiten
+from aeolid.identify.correlation import Spaced, explained_share, whiten
 from aeolid.identify.feedthrough import LOOP_LEVEL, lag_zero, loop_p_value
 
 Array = NDArray[np.float64]
 AT_ONCE = 0.2  # of an innovation's variance: less may be a loop within the sample that its past does not show
 LEVEL = 0.01  # chance that any of the tests alarms on an exact model
 MATERIAL = 0.01  # part of an innovation's variance; below it a finding is true but does not matter
+LONG = 5  # times lags and order: a first state fitted in a stretch then takes less of its innovations than MATERIAL
 EXACT = 1e-6  # of an output's deviation; innovations below it are the rounding of files, whatever they follow
 
 
@@ -64,36 +65,58 @@ class ResidualReport:
 
 def run_residual_tests(
     innovations: Array, u: Array, outputs: tuple[str, ...], inputs: tuple[str, ...], lags: int = 20,
-    nrmse: Mapping[str, float] | None = None,
+    nrmse: Mapping[str, float] | None = None, lengths: Sequence[int] = (), order: int = 0,
 ) -> ResidualReport:  # fmt: skip
     """Correlate each innovation with the past of all innovations and of all inputs.
 
-    innovations (N, l), u (N, r) of one stretch; lags: 1 … 20 samples back. Only the past counts, so feedback from y to
-    u is no alarm. Inputs are whitened by an autoregression first: the sum N Σ ρ² is then χ² with `lags` degrees of
-    freedom whatever the input's spectrum. Level 1 % over all tests together (Holm). nrmse: rms of each innovation over
-    its output's deviation, default: none is at rounding.
+    innovations (N, l), not a number where missing, u (N, r) of stretches of these lengths, default one: of several
+    those count that are much longer than lags and the order of the model, whose first states take a part of the
+    innovations that looks like memory; no lag joins two of them. lags: 1 … 20 samples back. Only the past counts, so
+    feedback from y to u is no alarm. Inputs are whitened by an autoregression first: the sum N Σ ρ² is then χ² with
+    `lags` degrees of freedom whatever the input's spectrum. Level 1 % over all tests together (Holm). nrmse: rms of
+    each innovation over its output's deviation, default: none is at rounding.
     """
+    innovations, u, lengths = _long_enough(innovations, u, lengths, lags + order)
     N = len(innovations)
-    white = np.column_stack([whiten(u[:, j]) for j in range(u.shape[1])]) if u.shape[1] else np.zeros((N, 0))
-    columns = [*innovations.T, *white.T]
-    sources = {name: correlation(x, lags) for name, x in zip((*outputs, *inputs), columns, strict=True)}
+    white = np.column_stack([whiten(x, lengths=lengths) for x in u.T]) if u.shape[1] else np.zeros((N, 0))
+    columns = [Spaced.of(x, lengths, lags) for x in (*innovations.T, *white.T)]
+    e, v = columns[: len(outputs)], columns[len(outputs) :]
+    sources = {name: x.own() for name, x in zip((*outputs, *inputs), columns, strict=True)}
     found = []
     for i, output in enumerate(outputs):
         for j, other in enumerate(outputs):
-            rho = lagged_correlation(innovations[:, i], innovations[:, j], lags)
-            found.append((output, other, "whiteness", rho))
+            found.append((output, other, "whiteness", *e[i].after(e[j], lags)))
         for j, name in enumerate(inputs):
-            rho = lagged_correlation(innovations[:, i], white[:, j], lags)
-            found.append((output, name, "input", rho))
-    statistics = np.array([N * float(np.sum(rho**2)) for *_, rho in found])
+            found.append((output, name, "input", *e[i].after(v[j], lags)))
+    statistics = np.array([float(np.sum(known * rho**2)) for *_, rho, known in found])
     p_values = _holm(chdtrc(lags, statistics))
-    tests = _within_the_sample(innovations, u, white, outputs, inputs, nrmse)
-    for (output, other, kind, rho), statistic, p in zip(found, statistics, p_values, strict=True):
-        predictable = max(explained_share(rho, sources[other]) - lags / N, 0.0)
+    part = _longest(lengths)
+    at_mean = np.where(np.isfinite(innovations), innovations, np.nanmean(innovations, axis=0))
+    tests = _within_the_sample(at_mean[part], u[part], white[part], outputs, inputs, nrmse)
+    for (output, other, kind, rho, known), statistic, p in zip(found, statistics, p_values, strict=True):
+        predictable = max(explained_share(rho, sources[other]) - lags / known.mean(), 0.0)
         material = predictable > MATERIAL and (nrmse is None or not nrmse[output] < EXACT)
         verdict = "pass" if p > LEVEL else "fail" if material else "immaterial"
         tests.append(ResidualTest(output, other, kind, float(statistic), float(p), predictable, verdict))
     return ResidualReport(tuple(tests), lags, LEVEL)
+
+
+def _long_enough(e: Array, u: Array, lengths: Sequence[int], least: int) -> tuple[Array, Array, tuple[int, ...]]:
+    """Return what lies in stretches of at least LONG times `least` samples, in the longest where there are none."""
+    lengths = tuple(lengths) or (len(e),)
+    if len(lengths) == 1:
+        return e, u, lengths
+    taken = [n >= LONG * least for n in lengths]
+    if not any(taken):
+        taken[int(np.argmax(lengths))] = True
+    rows = np.repeat(taken, lengths)
+    return e[rows], u[rows], tuple(n for n, t in zip(lengths, taken, strict=True) if t)
+
+
+def _longest(lengths: Sequence[int]) -> slice:
+    """Return the rows of the longest stretch."""
+    i = int(np.argmax(lengths))
+    return slice(sum(lengths[:i]), sum(lengths[: i + 1]))
 
 
 def _within_the_sample(

@@ -14,6 +14,7 @@ from aeolid.identify.request import Request, names
 from aeolid.identify.request_checks import CHOOSING, SCHEDULED
 from aeolid.models.angles import renamed, split_angles
 from aeolid.models.blade_sets import in_fixed_frame
+from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import index_of_reference
 
 if TYPE_CHECKING:
@@ -74,13 +75,16 @@ def identify_records(
 
 
 def _with_spectra(result: Result, records: Sequence[Record]) -> Result:
-    """Return a result of one frequency response with what spectra of the same recordings say of it."""
+    """Return a result of one frequency response with what spectra of the same samples say of it.
+
+    A decimated model maps the mean of an input over each of its samples to the output at its start: so do they.
+    """
     from aeolid.identify.result import Identification
     from aeolid.identify.spectral import estimate_spectra
 
     if not isinstance(result, Identification):
         return result
-    found = estimate_spectra(records)
+    found = estimate_spectra([decimate_causally(r, result.settings.decimation) for r in records])
     return result if found is None else replace(result, extra=result.extra | {"spectral": found.to_json()})
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import UsageError
-from aeolid.identify.chain import Chain, fill, fit_chain
+from aeolid.identify.chain import Chain, fill, fit_chain, largest_order
 from aeolid.identify.windows import Scaling, factorise, find_scaling
 from aeolid.record import Record
 
@@ -30,6 +30,7 @@ SIZE = 0.02  # of the channel's deviation: smaller ones harm nothing
 MOST = 0.02  # of an output's cells; more are no spikes but its noise
 PASSES = 6
 SUSPECT = 8.0  # medians of the distance from the median of five
+LONGEST = 20  # order of the autoregression: what a cell's neighbours say of it is in the nearest ones
 ROWS = 8  # windows of the autoregression a regressor of it, at least
 MEDIAN = 1.4826  # standard deviation over median magnitude of normal noise
 
@@ -54,12 +55,12 @@ def remove_spikes(records: Sequence[Record], past: int, robust: str = "auto") ->
 
     past: p ≥ 1 samples; robust: "auto" (default) marks what is 8 robust deviations off, "always" 5, "never" nothing.
     An output of which more than 2 % would be marked keeps all: that is its noise. Raises UsageError on another choice.
-    Cost: a fit of an autoregression of order min(p, 20) a pass, 6 passes at most.
+    Cost: a fit of an autoregression of order min(p, 20) a pass, less where recordings are short, 6
+    passes at most.
     """
     check_robust(robust)
-    total = sum(map(len, records))
     names = records[0].names("input") + records[0].names("output")
-    order = min(past, 20, total // (ROWS * max(len(names), 1)))
+    order = largest_order([len(r) for r in records], len(names), min(past, LONGEST), ROWS)
     if robust == "never" or order < 1:
         return Cleaned(records)
     scaling = find_scaling(records)

@@ -172,16 +172,20 @@ def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
     y* = C x* + c. Directions in which I − A is below 3/N of its largest singular value, 1 % at the most, stay at zero:
     an integrator has no rest, and a mode that is slow for the recording shows none.
     """
-    m, r, n = factor.channels, factor.inputs, len(T)
+    m, r = factor.channels, factor.inputs
     width, mean = factor.past * m, factor.mean
     x, following, u = T @ mean[:width], T @ mean[m : width + m], mean[width : width + r]
     y = mean[width + r : width + r + factor.outputs]
     b = following - model.A @ x - model.B @ u
     c = y - model.C @ x - model.D @ u
-    known = min(1e-2, LONGEST_REST / max(factor.windows, 1))
-    rest = lstsq(np.eye(n) - model.A, b, rcond=known)
-    out: Array = model.C @ rest + c
+    out: Array = model.C @ rest_of(model.A, b, factor.windows) + c
     return out
+
+
+def rest_of(A: Array, b: Array, samples: int) -> Array:
+    """Return the rest (n,) of x⁺ = A x + b as N samples show it, see `equilibrium`."""
+    known = min(1e-2, LONGEST_REST / max(samples, 1))
+    return np.asarray(lstsq(np.eye(len(A)) - A, b, rcond=known), dtype=np.float64)
 
 
 def spectral_radius(A: Array) -> float:

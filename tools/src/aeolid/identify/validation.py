@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.errors import UsageError
 from aeolid.identify.fit import SHORTEST, Fit, Score, measure_fit, score, stretches
@@ -17,8 +18,10 @@ from aeolid.models.divergence import Divergence
 from aeolid.models.load import LinearModel, Model, discretise, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.models.prediction import complete_stretches
+from aeolid.models.rate import holds_of
 from aeolid.record import Record
 
+Array = NDArray[np.float64]
 LONGEST_STEP = 100_000  # samples of a k-step prediction
 
 
@@ -146,15 +149,25 @@ def free_stretch(model: Model, record: Record) -> Record:
 
 
 def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validation:
-    names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
     if isinstance(model, LpvModel) and model.state_space.K is not None:
         fit, u = measure_lpv_fit(model.state_space, [record], steps)
-        return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names, nrmse=fit.one_step.nrmse))
-    if not isinstance(model, LinearModel) or model.state_space.K is None:
+        return _tested(model, fit, u, model.state_space.order)
+    linear = None
+    if isinstance(model, LinearModel):  # of continuous time the gain is dropped
+        holds = holds_of(record, [s.name for s in model.inputs])
+        linear = discretise(model.state_space, record.sample_time_s, holds)
+    if linear is None or linear.K is None:
         matched(record, model.inputs)
         y, model = matched(record, model.outputs), started(model, record)
         return Validation(score([s.name for s in model.outputs], y, model.simulate(record)), None, None)
-    state_space = discretise(model.state_space, record.sample_time_s)
-    fit = measure_fit(state_space, [record], steps)
-    u = np.concatenate([u for _, u, _ in stretches(state_space, record)])
-    return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names, nrmse=fit.one_step.nrmse))
+    fit = measure_fit(linear, [record], steps)
+    return _tested(model, fit, np.concatenate([u for _, u, _ in stretches(linear, record)]), linear.order)
+
+
+def _tested(model: Model, fit: Fit, u: Array, order: int) -> Validation:
+    """Return the fit with the tests of its innovations; u (N, r): of the same samples."""
+    names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
+    report = run_residual_tests(
+        fit.innovations, u, *names, nrmse=fit.one_step.nrmse, lengths=fit.lengths, order=order
+    )  # fmt: skip
+    return Validation(fit.free_run, fit, report)

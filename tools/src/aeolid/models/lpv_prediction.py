@@ -13,28 +13,32 @@ from aeolid.errors import DataError
 from aeolid.models.load import matched, require_sample_time
 from aeolid.models.lpv import LpvStateSpace, apply_at, run_scheduled, with_one
 from aeolid.models.model_file import Signal
-from aeolid.models.prediction import channel_weights, complete_stretches
+from aeolid.models.prediction import bridged_stretches, channel_weights, complete_stretches
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 LARGEST = 1e100  # of an unstable predictor; beyond it least squares lose their footing
 
 
 def predictor_states(model: LpvStateSpace, u: Array, y: Array, mu: Array, x0: Array) -> Array:
     """Return the states x_0 … x_N of the predictor, eq. (3): (N + 1, n).
 
-    u (N, r), y (N, l) deviations from the operating point without missing samples; mu (N, m) with the leading one.
+    u (N, r), y (N, l) deviations from the operating point; mu (N, m) with the leading one. A missing y counts as what
+    is predicted of it: its innovation is zero.
     """
     forced = apply_at(model.B, mu, u) + mu @ model.b
     if model.K is None:
         return run_scheduled(model.A, mu, forced, x0)
-    direct = y - apply_at(model.D, mu, u)
+    known: Flags = np.isfinite(y)
+    direct = np.where(known, y, 0.0) - apply_at(model.D, mu, u)
     states = np.empty((len(u) + 1, model.order))
     states[0] = x0
     step = 1 << 14
     for start in range(0, len(u), step):
         part = slice(start, start + step)
         A, C, K = (np.tensordot(mu[part], matrix, axes=1) for matrix in (model.A, model.C, model.K))
+        K = K * known[part][:, None, :]
         transition = A - K @ C
         pushed = forced[part] + np.einsum("kij,kj->ki", K, direct[part])
         for k, matrix in enumerate(transition):
@@ -46,21 +50,22 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
     """Estimate x_0 (n,) from the start of a recording by least squares on the innovations.
 
     e_k(x_0) = e_k(0) − C φ_k x_0 over k < max(20 n, 200), φ_k the product of the predictor's transitions. u, y:
-    deviations without missing samples.
+    deviations; missing y are left out.
     """
     horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y, mu = u[:horizon], y[:horizon], mu[:horizon]
     states = predictor_states(model, u, y, mu, np.zeros(model.order))[:-1]
-    innovation = y - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)  # (N, l)
+    known: Flags = np.isfinite(y)
+    innovation = np.where(known, y, 0.0) - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)  # (N, l)
     A, C = (np.tensordot(mu, matrix, axes=1) for matrix in (model.A, model.C))
-    transition = A if model.K is None else A - np.tensordot(mu, model.K, axes=1) @ C
+    transition = A if model.K is None else A - (np.tensordot(mu, model.K, axes=1) * known[:, None, :]) @ C
     rows, product = np.empty((horizon, y.shape[1], model.order)), np.eye(model.order)
     for k in range(horizon):
         rows[k] = C[k] @ product * weight[:, None]
         product = transition[k] @ product
-    good = (abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1)
-    matrix = rows[good].reshape(-1, model.order)
-    x0 = lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)
+    good = np.asarray((abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1))
+    used = known & good[:, None]
+    x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)
 
 
@@ -79,13 +84,14 @@ def predict(model: LpvStateSpace, u: Array, y: Array, scheduling: Array, steps: 
 
 
 def lpv_stretches(model: LpvStateSpace, record: Record, shortest: int) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield u (N, r), y (N, l), scheduling (N, m − 1) of each complete stretch, in the channels' units.
+    """Yield u (N, r), y (N, l), scheduling (N, m − 1) of each stretch, in the channels' units.
 
-    Raises DataError on another sample time, a missing channel or another unit.
+    Gaps of outputs are bridged as in `bridged_stretches`; y is not a number there. Raises DataError on another sample
+    time, a missing channel or another unit.
     """
     u, y, s = (matched(record, signals) for signals in (model.inputs, model.outputs, model.scheduling))
     require_sample_time(model, record)
-    for start, stop in complete_stretches(np.hstack([u, y, s]), shortest):
+    for start, stop in bridged_stretches(np.hstack([u, s]), y, shortest):
         yield u[start:stop], y[start:stop], s[start:stop]
 
 

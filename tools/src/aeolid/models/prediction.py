@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,9 @@ from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+BRIDGED = 10  # samples in a row that an output may be missing before the predictor starts anew
+FADED = 1e-4  # of the noise in a step: what a gap has added to the state's covariance then shows in no error
 
 
 def gain(model: StateSpace) -> Array:
@@ -17,46 +22,91 @@ def gain(model: StateSpace) -> Array:
     return np.zeros((model.order, len(model.outputs))) if model.K is None else model.K
 
 
+def gains_around_gaps(model: StateSpace, known: Flags) -> dict[int, Array]:
+    """Return the gain (n, l) of each sample k whose gain is not K, for outputs that are missing: known (N, l).
+
+    Kalman's filter of x⁺ = A x + K e, y = C x + e, cov e = R, with the outputs o that are there: with P the covariance
+    of the state, S = C_o P C_oᵀ + R_oo and G = (A P C_oᵀ + K R_o) S⁻¹ it is P⁺ = A P Aᵀ + K R Kᵀ − G S Gᵀ (Anderson and
+    Moore 1979, section 5.5). P is zero before the first gap, and again where it has FADED. Without R, which the model
+    may lack, K stays for the outputs that are there.
+    """
+    K, gaps = gain(model), np.flatnonzero(~known.all(axis=1))
+    R = model.innovation_covariance
+    if R is None or not np.isfinite(R).all() or np.linalg.eigvalsh(R)[0] <= 0:
+        return {int(k): K * known[k] for k in gaps}
+    cross, there = K @ R, known.astype(np.float64)
+    noise, out = cross @ K.T, {}
+    least = FADED * np.linalg.norm(noise)
+    for first in gaps:
+        k, P = int(first), np.zeros_like(noise)
+        while k not in out and k < len(known):
+            C, S = model.C, R
+            if not known[k].all():  # an output that is missing has a row of zeros and its own unit of variance
+                C = C * there[k][:, None]
+                S = R * np.outer(there[k], there[k]) + np.diag(1 - there[k])
+            PC = P @ C.T
+            S = S + C @ PC
+            moved = model.A @ PC + cross * there[k]
+            G = np.linalg.solve(S, moved.T).T
+            P = model.A @ P @ model.A.T + noise - G @ moved.T
+            out[k], k = G, k + 1
+            if np.vdot(P, P) <= least**2:
+                break
+    return out
+
+
 def predictor_states(model: StateSpace, u: Array, y: Array, x0: Array) -> Array:
     """Return the states x_0 … x_N of the predictor x⁺ = (A − K C) x + (B − K D) u + K y, paper 000 eq. (6).
 
-    u (N, r), y (N, l) deviations from the operating point without missing samples; returns (N + 1, n).
+    u (N, r), y (N, l) deviations from the operating point; returns (N + 1, n). Around missing y the gain is that of
+    `gains_around_gaps`.
     """
     K = gain(model)
-    forced = u @ (model.B - K @ model.D).T + y @ K.T
-    return run_states(model.A - K @ model.C, forced, x0)
+    known: Flags = np.isfinite(y)
+    y = np.where(known, y, 0.0)
+    closed, forced = model.A - K @ model.C, u @ (model.B - K @ model.D).T + y @ K.T
+    states, start = np.empty((len(u) + 1, model.order)), 0
+    states[0] = x0
+    for k, G in gains_around_gaps(model, known).items():
+        states[start : k + 1] = run_states(closed, forced[start:k], states[start])
+        states[k + 1] = (model.A - G @ model.C) @ states[k] + (model.B - G @ model.D) @ u[k] + G @ y[k]
+        start = k + 1
+    states[start:] = run_states(closed, forced[start:], states[start])
+    return states
 
 
 def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     """Estimate x_0 (n,) from the start of a recording by least squares on the innovations.
 
     e_k(x_0) = e_k(0) − C (A − K C)^k x_0 over k < max(20 n, 200): the maximum-likelihood start under the model's own
-    noise model (output error where it has none). u (N, r), y (N, l): deviations, no missing samples.
+    noise model (output error where it has none). u (N, r), y (N, l): deviations; missing y are left out.
     """
     horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y = u[:horizon], y[:horizon]
     states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
-    innovation = y - states @ model.C.T - u @ model.D.T  # (N, l)
-    transition = model.A - gain(model) @ model.C
+    known: Flags = np.isfinite(y)
+    innovation = np.where(known, y, 0.0) - states @ model.C.T - u @ model.D.T  # (N, l)
+    K, others = gain(model), gains_around_gaps(model, known)
     rows = np.empty((horizon, len(model.outputs), model.order))
-    block = model.C * weight[:, None]
+    block, power = model.C * weight[:, None], np.eye(model.order)
     for k in range(horizon):
-        rows[k] = block
-        block = block @ transition
+        rows[k] = block @ power
+        power = (model.A - others.get(k, K) @ model.C) @ power
     with np.errstate(all="ignore"):
-        good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
-    matrix = rows[good].reshape(-1, model.order)
-    x0 = lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)
+        good = np.asarray(np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1))
+    used = known & good[:, None]
+    x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)
 
 
 def channel_weights(y: Array) -> Array:
     """Return one over the standard deviation of each channel of y (N, l), (l,): 0 where it stands still.
 
-    Each channel is held against its own size: the weights of all units are alike.
+    Each channel is held against its own size: the weights of all units are alike. Missing samples are left out.
     """
-    spread = y.std(axis=0)
-    moves = spread > 1e-12 * abs(y).max(axis=0)
+    known: Flags = np.isfinite(y)
+    spread = np.array([y[k, j].std() if k.any() else 0.0 for j, k in enumerate(known.T)])
+    moves = spread > 1e-12 * np.where(known, abs(y), 0.0).max(axis=0, initial=0.0)
     out: Array = np.where(moves, 1.0 / np.where(moves, spread, 1.0), 0.0)
     return out
 
@@ -64,17 +114,26 @@ def channel_weights(y: Array) -> Array:
 def predict(model: StateSpace, u: Array, y: Array, steps: int = 1, x0: Array | None = None) -> Array:
     """Predict y_k from data up to sample k − steps (and the inputs in between); returns (N, l).
 
-    u (N, r), y (N, l) in the channels' units; steps ≥ 1. The first steps − 1 rows are predictions from x_0. x0:
-    state at sample 0, default estimated.
+    u (N, r), y (N, l) in the channels' units, y not a number where missing; steps ≥ 1. The first steps − 1 rows are
+    predictions from x_0. x0: state at sample 0, default estimated.
     """
+    return predict_ahead(model, u, y, (steps,), x0)[0]
+
+
+def predict_ahead(
+    model: StateSpace, u: Array, y: Array, horizons: Sequence[int], x0: Array | None = None
+) -> list[Array]:
+    """Return what `predict` returns for each of the horizons; the predictor runs once for all."""
     du, dy = u - model.u_offset, y - model.y_offset
     start = estimate_initial_state(model, du, dy) if x0 is None else x0
     states = predictor_states(model, du, dy, start)[:-1]  # row k: x given data up to k − 1
-    for _ in range(min(steps - 1, len(u) - 1)):
+    direct, found = du @ model.D.T + model.y_offset, {1: states}
+    for steps in range(2, min(max(horizons), len(u)) + 1):
         later = states[:-1] @ model.A.T + du[:-1] @ model.B.T
         states = np.vstack([states[:1], later])  # the first row has no older start: rows younger than that run free
-    out: Array = states @ model.C.T + du @ model.D.T + model.y_offset
-    return out
+        if steps in horizons:
+            found[steps] = states
+    return [found.get(steps, states) @ model.C.T + direct for steps in horizons]
 
 
 def free_run(model: StateSpace, u: Array, x0: Array) -> Array:
@@ -106,3 +165,30 @@ def complete_stretches(values: Array, shortest: int) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
     runs = zip(edges[::2], edges[1::2], strict=True)
     return [(int(a), int(b)) for a, b in runs if b - a >= shortest]
+
+
+def bridged_stretches(driven: Array, y: Array, shortest: int) -> list[tuple[int, int]]:
+    """List [start, stop) of the runs that a predictor goes through from one start, over short gaps of the outputs.
+
+    driven (N, ·): what drives the model, never missing in a run; y (N, l): none missing for more than BRIDGED samples
+    in a row. A run begins and ends with a complete sample, and has at least `shortest` of them.
+    """
+    known: Flags = np.isfinite(y)
+    broken = ~np.isfinite(driven).all(axis=1)
+    for column in known.T:
+        broken |= _long_runs(~column, BRIDGED)
+    complete = np.asarray(known.all(axis=1) & ~broken)
+    out = []
+    for start, stop in complete_stretches(np.where(broken, np.nan, 0.0)[:, None], shortest):
+        at = start + np.flatnonzero(complete[start:stop])
+        if len(at) >= shortest:
+            out.append((int(at[0]), int(at[-1]) + 1))
+    return out
+
+
+def _long_runs(bad: Flags, most: int) -> Flags:
+    """Mark the runs of more than `most` bad samples in a row; bad (N,)."""
+    out = np.zeros_like(bad)
+    for start, stop in complete_stretches(np.where(bad, 0.0, np.nan)[:, None], most + 1):
+        out[start:stop] = True
+    return out

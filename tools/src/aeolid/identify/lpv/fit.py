@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.fit import LONGEST, SHORTEST, Fit, score
+from aeolid.identify.fit import LONGEST, NONE, SHORTEST, Fit, count_complete, score, score_one_step
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches, predict
 from aeolid.record import Record
@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 def measure_lpv_fit(model: LpvStateSpace, records: Sequence[Record], steps: Sequence[int] = ()) -> tuple[Fit, Array]:
     """Predict and simulate the recordings; returns the fit, and u (N, r) of the samples its innovations belong to.
 
-    steps: horizons k > 1. Each complete stretch starts from its own estimated state; at most 200 000 samples of each
-    recording are used. Raises NotIdentifiable where no complete stretch is left.
+    steps: horizons k > 1. Each stretch starts from its own estimated state, and runs through short gaps of the
+    outputs; at most 200 000 samples of each recording are used. Raises NotIdentifiable where no stretch is left.
     """
     parts: list[tuple[Array, ...]] = []
     for record in records:
@@ -31,9 +31,12 @@ def measure_lpv_fit(model: LpvStateSpace, records: Sequence[Record], steps: Sequ
                 ahead = [predict(model, u, y, s, k, x0) for k in (1, *steps)]
                 parts.append((u, y, model.simulate(u, s, x0), *ahead))
     if not parts:
-        raise NotIdentifiable(f"{records[0].source}: no {SHORTEST} samples in a row without a missing value")
+        raise NotIdentifiable(f"{records[0].source}: {NONE}")
     u, y, free, one, *later = (np.concatenate(column) for column in zip(*parts, strict=True))
     names = [s.name for s in model.outputs]
     scores = [score(names, y, estimate) for estimate in later]
-    fit = Fit(len(y), score(names, y, one), score(names, y, free), dict(zip(steps, scores, strict=True)), y - one)
+    lengths = tuple(len(part[0]) for part in parts)
+    ahead_by = dict(zip(steps, scores, strict=True))
+    first = score_one_step(names, y, one, model.order, lengths)
+    fit = Fit(count_complete(y), first, score(names, y, free), ahead_by, y - one, lengths=lengths)
     return fit, u

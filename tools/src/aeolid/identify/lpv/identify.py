@@ -298,8 +298,8 @@ def _in_units(scaled: ScaledLpv, scaling: LpvScaling, record: Record) -> LpvStat
 def _measured(model: LpvStateSpace, records: Sequence[Record]) -> tuple[LpvStateSpace, Fit]:
     """Return the model with its first state and the covariance of its innovations as measured, and its fit."""
     fit, _ = measure_lpv_fit(model, records)
-    covariance = np.atleast_2d(np.cov(fit.innovations.T))
-    if np.isfinite(covariance).all():
+    covariance = fit.covariance(model.order)
+    if covariance is not None:
         model = replace(model, innovation_covariance=covariance)
     for u, y, s in lpv_stretches(model, records[0], 1):
         x0 = estimate_initial_state(model, u - model.u_offset, y - model.y_offset, with_one(s))
