@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from aeolid.diagnose.data.exogenous import identifiers
 from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
@@ -36,7 +36,7 @@ def _says(name: str, v: Mapping[str, float]) -> str:
 
 def _on(site: Site, i: int) -> Attachment:
     name, symbol = site.input_names[i], site.symbols[i]
-    tag = re.sub(r"\W", "_", name)
+    tag = identifiers(site.input_names)[name]
     state, tau = f"hidden_{tag}", f"hidden_tau_{tag}"
     mean = float(np.mean(site.u[:, i]))
     gain = Slot(f"hidden_gain_{tag}", "gain", "1", 0.0, 0.0, 20.0, 1e-3)
