@@ -17,11 +17,11 @@ from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.bridging import bridged_case
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import SWAPPED, Finding, examine
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.data.masking import masked_case
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.errors import NotIdentifiable
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from aeolid.diagnose.conclusion.export import write_found
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
@@ -36,7 +37,6 @@ from aeolid.diagnose.run_prior.explain import (
 from aeolid.diagnose.run_prior.floors import noise_findings
 from aeolid.diagnose.run_prior.gauges import gauge_of
 from aeolid.diagnose.run_prior.least import not_excluded
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement, without_mean_offset
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove

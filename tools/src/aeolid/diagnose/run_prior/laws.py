@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.rules import in_force
+from aeolid.models.angles import radians_a_unit
 from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
@@ -113,9 +114,10 @@ def _means(record: Record, by: Sequence[str], target: Sequence[str], part: int |
     """Return means (n, k + 1) over SPAN of the channels that say the state, and last of the target; whole ones only."""
     y = record.columns(target)
     if part is not None:
-        azimuth = record.names("azimuth")[0]
-        turns = np.pi / 180 if record.unit(azimuth).startswith(("deg", "°")) else 1.0
-        y = fixed_frame(y, record.column(azimuth) * turns, (tuple(range(len(target))),))[:, part : part + 1]
+        name = record.names("azimuth")[0]
+        angle = record.column(name)
+        angle = angle * radians_a_unit(record.unit(name), angle)
+        y = fixed_frame(y, angle, (tuple(range(len(target))),))[:, part : part + 1]
     values = np.hstack([record.columns(by), y])
     span = max(1, round(SPAN / record.sample_time_s))
     n = len(values) // span

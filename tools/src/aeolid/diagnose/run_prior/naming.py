@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
@@ -16,7 +17,6 @@ from aeolid.diagnose.hypotheses.simulators import settings
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.standing import Standing
 

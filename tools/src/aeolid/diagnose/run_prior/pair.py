@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise, with_noisy_outputs
 from aeolid.diagnose.run_prior.turning import turned
 from aeolid.errors import NotIdentifiable
+from aeolid.models.angles import radians_a_unit
 from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
@@ -281,9 +282,8 @@ def side_of(
     azimuth = None
     if angle:
         values = record.column(angle[0])
-        turns = np.pi / 180 if record.unit(angle[0]).startswith(("deg", "°")) else 1.0
         missing |= ~np.isfinite(values)
-        azimuth = np.nan_to_num(values) * turns
+        azimuth = np.nan_to_num(values) * radians_a_unit(record.unit(angle[0]), values)
     angle_turned = azimuth if azimuth is not None else turned(record, context)
     known = _filled(d) if disturbances else None
     return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned, known)

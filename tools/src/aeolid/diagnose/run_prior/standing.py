@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.answering import Answer, named
 from aeolid.diagnose.run_prior.disc import Disc, disc_of
 from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.offsets import THRUST, Offset, offset_of
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.diagnose.run_prior.responses import Answering

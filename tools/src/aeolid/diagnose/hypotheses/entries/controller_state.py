@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.data.exogenous import identifiers
-from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path, rotor
+from aeolid.diagnose.data.machine import is_turbine
+from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.models import expressions as ex
@@ -20,7 +21,7 @@ _LOW_S, _HIGH_S = 1.5, 200.0
 
 
 def _attach(site: Site) -> list[Attachment]:
-    if rotor.is_turbine(site):
+    if is_turbine(site.context):
         chosen = pitch_path.pitch_inputs(site)
     else:
         chosen = list(range(len(site.input_names)))[:2] if site.context.get("closed_loop") is True else []
