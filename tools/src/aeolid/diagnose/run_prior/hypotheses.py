@@ -33,7 +33,8 @@ class Hypothesis:
     as the catalogue has them; grid: values to begin at; change: what the values do to the data; scaled: which values
     are searched on a logarithmic scale (all but shares and factors); steps: widths of the first search, on that scale;
     of: frequency in Hz and damping of the run's mode that moves; parts: how many loads it is, each of which must be
-    worth a name; fault: how the recording was taken is at fault, not the simulation; words: one sentence of it.
+    worth a name; fault: how the recording was taken is at fault, not the simulation; words: one sentence of it, a
+    format string over its values.
     """
 
     entry: str

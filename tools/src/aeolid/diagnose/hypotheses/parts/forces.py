@@ -97,6 +97,12 @@ def time_channel(site: Site) -> tuple[Exogenous, float, float] | None:
     return None
 
 
-def say(text: str) -> Callable[[Mapping[str, float]], str]:
-    """Return a statement from a format string over the reported values."""
-    return lambda values: text.format(**values)
+def say(text: str, **names: str) -> Callable[[Mapping[str, float]], str]:
+    """Return a statement from a format string over the reported values and names.
+
+    What a user wrote (channels, units) comes in as `names`: braces in it are text, not fields.
+
+    >>> say("{k:.2g} {unit} at {at}", unit="N/m^{2}", at="input:v{1}")({"k": 2.5})
+    '2.5 N/m^{2} at input:v{1}'
+    """
+    return lambda values: text.format(**names, **values)
