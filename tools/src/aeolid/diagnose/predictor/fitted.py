@@ -42,7 +42,8 @@ class Fit:
         """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
         size, inverse, vectors = self._directions
         variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
-        result: Array = np.sqrt(variance) / size
+        open_share = np.sum(vectors[:, inverse >= _NOTHING] ** 2, axis=1)  # beyond rounding: not determined at all
+        result: Array = np.where(_NOTHING * open_share > 1.0, np.inf, np.sqrt(variance) / size)
         return result
 
     @cached_property
