@@ -83,7 +83,7 @@ def _against_run(
     several = len(case.runs) > 1  # which a surrogate of few states, made of one run, cannot serve
     try:
         for run in case.runs:
-            check_run(run)
+            check_run(run, case.records)
         if not is_turbine(case.context) and not several and is_simple(case.runs[0]):
             return None
         return conclude_run(case, folder, findings, progress, late)

@@ -142,7 +142,8 @@ def _plan(records: Sequence[Record], inputs: Sequence[str], settle_s: float) -> 
 def _sealed_of(records: Sequence[Record], inputs: Sequence[str]) -> Record:
     if len(records) == 2 or not inputs:
         return records[-1]
-    spreads = np.array([np.nanstd(r.columns(inputs), axis=0) for r in records])
+    known = [[x[np.isfinite(x)] for x in r.columns(inputs).T] for r in records]
+    spreads = np.array([[float(np.std(x)) if len(x) else 0.0 for x in own] for own in known])
     size = np.sum(spreads / np.maximum(spreads.max(axis=0), 1e-300), axis=1)
     return records[int(np.argsort(size, kind="stable")[len(records) // 2])]
 
