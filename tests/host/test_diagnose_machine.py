@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from aeolid.diagnose.data.case import make_case
 from aeolid.diagnose.data.machine import is_turbine
+from aeolid.diagnose.hypotheses.parts.forces import per
 from aeolid.diagnose.run_prior.laws import shifts_of
 from aeolid.diagnose.run_prior.pair import side_of
+from aeolid.diagnose.structure.anatomy import base_unit
+from aeolid.errors import DataError
 from aeolid.models.angles import radians_a_unit
 from aeolid.record import Channel, Record
 
@@ -64,3 +71,33 @@ def test_a_pair_and_its_laws_see_the_same_rotor_in_any_unit(unit: str, scale: fl
     ]
     assert tilts[0].level == pytest.approx(5.0, rel=0.05)
     assert tilts[0].value == pytest.approx(tilts[1].value, abs=1e-9)
+
+
+def test_a_case_from_memory_is_checked_as_one_from_a_folder() -> None:
+    """A rated speed in rpm, where the recorded angle turns as a turbine does."""
+    record = _record("deg", 1.0, 2.0)
+    context = {"machine": "wind turbine", "blades": 3, "rated_speed_rad_s": 1.2217 * 30 / np.pi}
+    with pytest.raises(DataError, match="rad/s are wanted, not rpm"):
+        make_case([record], record, title="rotor", source="run", sha256="", context=context)
+
+
+@pytest.mark.parametrize(
+    ("unit", "position"),
+    [
+        ("mm/s", "mm"), ("m / s^2", "m"), ("rad/s**2", "rad"), ("m/s2", "m"), ("m/s²", "m"), ("rpm", "rpm s"),
+        ("1/min", "1/min s"), ("rad/min", "rad/min s"), ("km/h", "km/h s"), ("g", "g s^2"), ("N/m", "N/m"),
+        ("1/s", "1"), ("", "1"), ("mm", "mm"),
+    ],
+)  # fmt: skip
+def test_the_unit_of_a_position_is_what_a_velocity_adds_up_to_in_seconds(unit: str, position: str) -> None:
+    assert base_unit(unit) == position
+
+
+@pytest.mark.parametrize(
+    ("position", "per_position", "per_velocity"),
+    [("m", "N/m", "N/(m/s)"), ("rpm s", "N/(rpm s)", "N/rpm"), ("", "N/1", "N/(1/s)")],
+)
+def test_coefficients_of_a_force_have_units_that_are_true(position: str, per_position: str, per_velocity: str) -> None:
+    motion: Any = SimpleNamespace(position_unit=position, force_unit="N")
+    assert per(motion, 1) == per_position and per(motion, 2) == f"{per_position}^2"
+    assert per(motion, 1, velocity=True) == per_velocity

@@ -7,6 +7,12 @@ from collections.abc import Mapping
 from typing import Any
 
 
+def blades_of(context: Mapping[str, Any]) -> int:
+    """Return the number of blades, 3 where the case does not say."""
+    count = context.get("blades", 3)
+    return count if isinstance(count, int) and 1 <= count <= 6 else 3
+
+
 def is_turbine(context: Mapping[str, Any]) -> bool:
     """Tell whether the case says that the machine is a wind turbine: by both words, or by `turbine` alone.
 

@@ -63,7 +63,10 @@ def with_travel(site: Site) -> list[tuple[int, Motion]]:
 def per(motion: Motion, power: int, *, velocity: bool = False) -> str:
     """Return the unit of a force over the motion's position (or velocity) to a power."""
     base = motion.position_unit or "1"
-    below = f"({base}/s)" if velocity else base
+    if velocity:  # of what goes so many rpm s, the velocity is in rpm
+        below = base.removesuffix(" s") if base.endswith(" s") else f"({base}/s)"
+    else:
+        below = f"({base})" if " " in base else base
     return f"{motion.force_unit or '1'}/{below}" + (f"^{power}" if power > 1 else "")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
+from aeolid.diagnose.data.machine import blades_of
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
@@ -49,8 +50,7 @@ class Place:
 
 def blades(site: Site) -> int:
     """Return the number of blades, 3 where the case does not say."""
-    count = site.context.get("blades", 3)
-    return count if isinstance(count, int) and 1 <= count <= 6 else 3
+    return blades_of(site.context)
 
 
 def looks_like(kind: str, name: str, unit: str = "") -> bool:
