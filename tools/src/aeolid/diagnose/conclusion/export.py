@@ -59,20 +59,25 @@ def _headed(correction: Correction) -> str:
 
 
 def write_found(
-    diagnosis: dict[str, Any], evidence: dict[str, Any], model: Equations, wild: Diverging | None, late: Deadline,
-    folder: Path,
+    diagnosis: dict[str, Any], evidence: dict[str, Any], model: Equations | None, wild: Diverging | None,
+    late: Deadline, folder: Path, lacking: str = "",
 ) -> dict[str, Any]:  # fmt: skip
-    """Write the files of a diagnosis that was made without a study of fits; returns the evidence."""
+    """Write the files of a diagnosis that was made without a study of fits; returns the evidence.
+
+    lacking: why there is no corrected model, where there is none.
+    """
     diagnosis |= _own_rules()
-    if wild is not None:
-        model = replace(model, name=f"{model.name}, DIVERGES")
-    diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
+    if model is not None:
+        diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
     diagnosis["time_limit"] = late.to_json()
-    diagnosis["warnings"] = ([late.text()] if late.reached else []) + ([] if wild is None else [wild.text()])
+    told = [late.text() if late.reached else "", "" if wild is None else wild.text(), lacking]
+    diagnosis["warnings"] = [text for text in told if text]
     output.make_folder(folder)
     output.write_json(folder / "diagnosis.json", diagnosis)
-    output.make_folder(folder / "model")
-    output.write_text(folder / "model" / "model.toml", _headed(Correction(model, None, wild)))
+    if model is not None:
+        called = model if wild is None else replace(model, name=f"{model.name}, DIVERGES")
+        output.make_folder(folder / "model")
+        output.write_text(folder / "model" / "model.toml", _headed(Correction(called, None, wild)))
     write_series(evidence.get("series", {}), folder / "sealed_before_after.csv")
     output.write_text(folder / "evidence.json", json_text(evidence))
     return evidence
