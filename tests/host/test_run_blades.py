@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.conclude import conclude_run, diagnosis_of, study_run
 from aeolid.diagnose.run_prior.hypotheses import all_hypotheses
 from aeolid.diagnose.run_prior.naming import Name, effect_of
-from aeolid.diagnose.run_prior.pair import NOTHING
+from aeolid.diagnose.run_prior.pair import NOTHING, Pair
+from aeolid.diagnose.run_prior.search import FIT, Search
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Channel, Record
 
@@ -86,3 +88,29 @@ def test_a_diagnosis_stands_where_no_corrected_model_can_be_made(
     assert any(e["id"] == "tower_shadow" for e in diagnosis["effects"]) and "model" not in diagnosis
     assert diagnosis["warnings"] == ["no corrected model was written: too few rows"]
     assert (tmp_path / "diagnosis.json").exists() and not (tmp_path / "model").exists()
+
+
+def test_what_an_output_alone_explains_needs_no_moments_of_the_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are those of what stands already, to the last bit."""
+    pair = pair_of([rotor(1, 0.6)], [rotor(2, 0.0)], CONTEXT)
+    every = {h.key: h for h in all_hypotheses(pair, {})}
+    standing = every["actuator_lag input:pitch"].change((0.2,))
+    search, asked = Search(pair, standing), 0
+    scale, lag = every["sensor_scale output:acceleration"], every["transport_delay input:pitch"]
+    again = pair.of_recordings(scale.change((1.2,)).after(standing), 0.0, FIT)
+    for mine, other in zip(search.recorded.regions, again.regions, strict=True):
+        np.testing.assert_array_equal(mine.Z, other.Z)
+        np.testing.assert_array_equal(mine.ZY, other.ZY)
+        np.testing.assert_array_equal(mine.YY, other.YY)
+
+    def counted(self: Pair, *rest: object) -> object:
+        nonlocal asked
+        asked += 1
+        return plain(self, *rest)
+
+    plain: Callable[..., object] = Pair.of_recordings
+    monkeypatch.setattr(Pair, "of_recordings", counted)
+    search.gain(scale, (1.2,))
+    assert asked == 0
+    search.gain(lag, (0.2,))
+    assert asked == 1

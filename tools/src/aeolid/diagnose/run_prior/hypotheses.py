@@ -71,7 +71,7 @@ def all_hypotheses(pair: Pair, units: dict[str, str]) -> list[Hypothesis]:
         found += _of_input(pair, i, name, units.get(name, ""))
     found.append(_clock(pair))
     for j, name in enumerate(pair.outputs):
-        found += _of_output(pair, j, name, units.get(name, ""))
+        found += _of_output(pair, j, name)
     found += _of_rotor(pair)
     return found
 
@@ -188,7 +188,7 @@ def _clock(pair: Pair) -> Hypothesis:
     return Hypothesis("data_time_offset", "data", ("offset_s",), ("s",), (-far,), (far,), starts, change, scaled=False)
 
 
-def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
+def _of_output(pair: Pair, j: int, name: str) -> list[Hypothesis]:
     block, place = pair.grain_s, f"output:{name}"
     y = np.concatenate([s.y[:, j] for s in pair.recordings])
     low, high = float(y.min()), float(y.max())
