@@ -11,10 +11,12 @@ import pytest
 from study_modules import load_study
 
 from aeolid.diagnose.baseline.prepare import prepare
-from aeolid.diagnose.data.case import load_case
-from aeolid.diagnose.data.exogenous import exogenous_channels
+from aeolid.diagnose.data.case import load_case, make_case
+from aeolid.diagnose.data.exogenous import exogenous_channels, with_exogenous
+from aeolid.diagnose.hypotheses.parts import unused_channel
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Output, Parameter, State
+from aeolid.models.integrate import compile_equations
 from aeolid.models.model_file import Signal
 from aeolid.record import Channel, Record
 
@@ -70,3 +72,37 @@ def test_a_lost_row_takes_no_effect_of_the_rotor_away(tmp_path: Path) -> None:
     path.write_text("\n".join([*lines[:500], *lines[501:900], *lines[902:]]) + "\n")
     asked = {a.entry for a in prepare(load_case(folder)).hypotheses}
     assert {"tower_shadow", "mass_imbalance", "gravity_1p"} <= asked
+
+
+def hostile() -> Record:
+    """Return a recording with channels whose names are letters to a reader, but no identifiers of equations."""
+    names = ("temp_m²", "µ temp", "a b", "a_b")
+    rows = record([])
+    values = np.column_stack([rows.values, np.random.default_rng(2).standard_normal((ROWS, len(names)))])
+    channels = (*rows.channels, *(Channel(n, "degC", "disturbance") for n in names))
+    return replace(rows, values=values, channels=channels)
+
+
+def test_names_beyond_ascii_become_symbols_that_equations_read_as_they_stand() -> None:
+    found = exogenous_channels([hostile()], model())
+    symbols = [c.symbol for c in found]
+    assert len(found) == 7 and len(set(symbols)) == 7
+    for symbol in symbols:
+        assert ex.names_in(ex.parse(f"2*{symbol}", symbol)) == {symbol}
+
+
+def test_effects_of_channels_with_such_names_stay_apart_in_one_model() -> None:
+    """All of them at once, as several effects of one diagnosis are."""
+    case = make_case([hostile()], model(), title="mass", source="mass", sha256="")
+    site = prepare(case).site
+    extended = with_exogenous(site.model, site.exogenous)
+    for number, channel in enumerate(site.exogenous):
+        places = unused_channel.entrances(site)
+        values = site.extra[:, number]
+        told = unused_channel.attach(site, "temperature", [channel], "acts")
+        assert len(told) == (1 if places and np.ptp(values) > 0 else 0)
+        for attachment in told:
+            extended = attachment.edit(extended)
+    parameters = [p.name for p in extended.parameters]
+    assert len(set(parameters)) == len(parameters) and all(n.isascii() and n.isidentifier() for n in parameters)
+    compile_equations(extended)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from scipy.stats import binom
 from aeolid.diagnose.localise.cells import Cell
 from aeolid.diagnose.localise.paths import colourless, path_cells
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.stats.numbers import json_text
 
 Array = NDArray[np.float64]
 ROWS, SPLIT = 3000, 1300
@@ -93,3 +96,23 @@ def test_short_recordings_and_channels_at_rest_have_no_map() -> None:
     cells, edges = path_cells([rng.standard_normal((ROWS, 1))], [np.column_stack([np.ones(ROWS), coloured(rng, ROWS)])])
     assert {c.place // len(edges) for c in cells} == {1, 2}
     assert np.all(np.isfinite([c.z for c in cells]))
+
+
+def test_the_surest_path_has_a_number_that_a_file_can_hold() -> None:
+    """Its p value is below what a number can be."""
+    u = np.random.default_rng(9).choice([-1.0, 1.0], (12_000, 1))
+    z = [c.z for c in path_cells([np.roll(u, 3, axis=0)], [u])[0]]
+    assert max(z) >= 290 and np.all(np.isfinite(z))
+
+
+def test_evidence_is_json_whatever_its_numbers() -> None:
+    def refused(name: str) -> float:
+        raise AssertionError(name)
+
+    facts = {
+        "z": np.array([[1.5, np.inf], [np.nan, 2.0]]),
+        "n": np.int64(3),
+        "f": (np.float64(-np.inf), None, "inf", True),
+    }
+    held = json.loads(json_text(facts), parse_constant=refused)
+    assert held == {"z": [[1.5, None], [None, 2.0]], "n": 3, "f": [None, None, "inf", True]}

@@ -191,3 +191,17 @@ def test_nine_of_ten_bands_hold_the_moment_of_a_change() -> None:
         _, std = values_of(effect(change, when), replace(fit, jacobian=jacobian), model)["time_s"]
         inside.append(abs(0.1 * k - 0.1 * at) <= Z90 * std)
     assert 0.87 < np.mean(inside) < 0.93  # 0.898; 2000 draws know it to 0.007
+
+
+def test_what_only_a_sum_determines_has_no_deviation() -> None:
+    """Two columns of one direction, one of nothing, one of its own: in units far apart."""
+    fit = fitted(tuple(replace(SIZE, name=n) for n in "abcd"), (1.0, 2.0, 3.0, 4.0), (1.0, 1.0, 1.0, 1.0))[0]
+    rng = np.random.default_rng(1)
+    one, own = np.linalg.qr(rng.standard_normal((500, 2)))[0].T
+    columns = np.column_stack([1e6 * one, -2e-4 * one, 0 * one, 50.0 * own])
+    fit = replace(fit, jacobian=columns, residual=rng.standard_normal(500))
+    assert np.isinf(fit.std).tolist() == [True, True, True, False]
+    assert fit.std[3] == pytest.approx(1 / np.linalg.norm(columns[:, 3]))
+    assert np.all(np.isfinite(fit.newton_step())) and abs(fit.correlation[0, 1]) == pytest.approx(1.0)
+    known = replace(fit, prior_jacobian=np.array([[3e4, 0, 0, 0], [0, 0, 2.0, 0]]), prior_residual=np.zeros(2))
+    assert known.std[[0, 2]] == pytest.approx([1 / 3e4, 1 / 2])

@@ -595,4 +595,4 @@ def test_a_parameter_whose_small_step_runs_away_says_nothing() -> None:
     J = sensitivity(p, at, noise, base, Free((0, 1), (), (), ()))
     assert not np.any(J[:, 0]) and np.all(np.isfinite(J)) and np.any(J[:, 1])
     assert not np.any(J[200:206, 1])
-    assert np.isinf(p.at(at, Free((0, 1), (), (), ())).std[0]) or p.at(at, Free((0, 1), (), (), ())).std[0] > 1e100
+    assert np.isinf(p.at(at, Free((0, 1), (), (), ())).std).tolist() == [True, False]

@@ -273,3 +273,13 @@ def test_an_extreme_that_is_reached_far_more_often_than_the_levels_next_to_it_is
         assert rails(step * np.rint(sine / step)) == {}
     assert rails(np.full(100, 2.5)) == {}, "what never changes has no range"
     assert found >= 72, "an end reached eight times is reached in fewer than five visits now and then"
+
+
+@pytest.mark.parametrize(("missing", "told"), [(2, "output 'z'"), (0, "input 'u'")])
+def test_a_channel_that_ends_early_is_named(missing: int, told: str) -> None:
+    """One of two outputs, or an input, is missing throughout the sealed part."""
+    table = np.column_stack([np.random.default_rng(1).standard_normal(900), np.arange(900.0), np.arange(900.0)])
+    table[600:, missing] = np.nan
+    made = Record(STEP * np.arange(900), table, (*CHANNELS, Channel("z", "m", "output")), STEP, "a.csv", "")
+    with pytest.raises(NotIdentifiable, match=f"sealed part: the {told} is missing in 2.. of its 2.. rows"):
+        split_records([made], ["u"], ["y", "z"], 2.0)

@@ -17,11 +17,11 @@ from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.bridging import bridged_case
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import SWAPPED, Finding, examine
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.data.masking import masked_case
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.errors import NotIdentifiable
 
 
@@ -83,7 +83,7 @@ def _against_run(
     several = len(case.runs) > 1  # which a surrogate of few states, made of one run, cannot serve
     try:
         for run in case.runs:
-            check_run(run)
+            check_run(run, case.records)
         if not is_turbine(case.context) and not several and is_simple(case.runs[0]):
             return None
         return conclude_run(case, folder, findings, progress, late)

@@ -164,9 +164,9 @@ def estimate(case: Case, step: Step = lambda text: None) -> Estimate:
     step("fitting")
     prepared = settled_stage(case)
     split, predictor = prepared.split, prepared.predictor
-    most = _fit(prepared, predictor, prepared.fit, (*split.fit, *split.select))
+    most = _fit(predictor, prepared.fit, (*split.fit, *split.select))
     step("fitting all data")
-    whole = _fit(prepared, *most, (*split.fit, *split.select, *split.sealed))
+    whole = _fit(*most, (*split.fit, *split.select, *split.sealed))
     values, apart = _values(prepared, whole, _other_part(prepared, most))
     step("fitting the free run")
     told = told_values(prepared, most, whole, (values, apart))
@@ -179,7 +179,7 @@ def estimate(case: Case, step: Step = lambda text: None) -> Estimate:
     )  # fmt: skip
 
 
-def _fit(prepared: Prepared, predictor: Predictor, fit: Fit, segments: tuple[Any, ...]) -> tuple[Predictor, Fit]:
+def _fit(predictor: Predictor, fit: Fit, segments: tuple[Any, ...]) -> tuple[Predictor, Fit]:
     """Fit to the given stretches, of which those of `fit` come first; the fit must have all of them before."""
     found = fitted_to(predictor, fit, segments)
     if found is None:

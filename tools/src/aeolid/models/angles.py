@@ -24,6 +24,7 @@ TURNS = {
 }  # fmt: skip
 PARTS = (("_cos", np.cos), ("_sin", np.sin))
 SMOOTH = 0.25  # of a turn a sample, below which the motion behind a jump must be to be one of an angle
+TWO_TURNS = 4 * np.pi  # rad
 MOSTLY = 0.9  # of the jumps for which that must hold
 ROLES = ("input", "scheduling", "disturbance")
 
@@ -31,6 +32,19 @@ ROLES = ("input", "scheduling", "disturbance")
 def turn_of(unit: str) -> float | None:
     """Return a whole turn in this unit, None where it is not one of angles."""
     return TURNS.get(unit.strip().lower())
+
+
+def radians_a_unit(unit: str, values: Array) -> float:
+    """Return rad a unit of an angle (N,): by the unit where it is one of angles, else by the values.
+
+    What jumps by one is in turns; what goes beyond two turns in rad is in degrees.
+    """
+    turn, known = turn_of(unit), values[np.isfinite(values)]
+    if turn is None and wraps(values, 1.0):
+        turn = 1.0
+    if turn is None:
+        turn = 360.0 if len(known) and float(np.ptp(known)) > TWO_TURNS else 2 * np.pi
+    return 2 * np.pi / turn
 
 
 def wraps(values: Array, turn: float) -> bool:

@@ -82,7 +82,7 @@ def _rate(run: Record) -> int:
 
 def _of_run(case: Case, run: Record, deadline: Deadline | None) -> Baseline:
     """Identify the simulator's run; recording and run go to the fixed frame and the same lower rate."""
-    check_run(run)
+    check_run(run, case.records)
     sets = blade_sets(run, case.context)  # none of a unit that does not turn the rotor
     factor = _rate(to_fixed_frame(run, sets))
     turned = [to_fixed_frame(r, sets) for r in case.records]

@@ -104,11 +104,14 @@ class Frame:
 
 
 def scales_of(model: Equations, x_size: Array, spreads: Array, known: Mapping[str, float]) -> Scales:
-    """Return the typical sizes of a model's quantities: known by parameter, else from declared values and ranges."""
+    """Return the typical sizes of a model's quantities: known by parameter, else from declared values and ranges.
+
+    Where nothing says a size it is 1e-6; a declared value may be far smaller, as a capacitance in F is.
+    """
     spans = [p.maximum - p.minimum for p in model.parameters]
     theta = np.array(
         [
-            known.get(p.name) or max(abs(p.value), 1e-3 * span if np.isfinite(span) else 0.0, 1e-6)
+            known.get(p.name) or max(abs(p.value), 1e-3 * span if np.isfinite(span) else 0.0) or 1e-6
             for p, span in zip(model.parameters, spans, strict=True)
         ]
     )

@@ -209,7 +209,7 @@ def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: C
     if fit is not None:
         predictor = predictor.with_order(predictor.choose_var_order(fit.point))
         fits = [fit_quietly(predictor, p, free) for p in (fit.point, *with_forces_awake(predictor, fit.point))]
-        fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
+        fit = max((f for f in fits if f is not None), key=lambda f: f.log_posterior, default=None)
     if fit is None:
         raise NotIdentifiable(
             f"{case.baseline_file}: the baseline diverges on {case.records[0].source}; check units and signs"

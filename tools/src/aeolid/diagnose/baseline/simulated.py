@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _PAST = 40  # samples
 _MOST = 14  # states
 _ITERATIONS = 15
-_RUNAWAY = 1e6  # medians of itself, that no output of a simulation reaches unless it diverges
+_RUNAWAY = 1e6  # times its own median and what was recorded: no output of a simulation is, unless it diverges
 _BLOCK = 100  # samples a block of the sandwich covariance: longer than the innovations' memory
 
 
@@ -90,8 +90,12 @@ def surrogate(run: Record, order: int | None = None, deadline: Deadline | None =
     return Surrogate(form, fit.point.theta[places], _information_root(fit, columns, len(spreads)), predictor, fit)
 
 
-def check_run(run: Record) -> None:
-    """Raise NotIdentifiable for a run that no model can be made of: too short, mostly missing, or running away."""
+def check_run(run: Record, records: Sequence[Record]) -> None:
+    """Raise NotIdentifiable for a run that no model can be made of: too short, mostly missing, or running away.
+
+    It runs away where it leaves its own usual size and that of the recordings behind: a run that rests for most of its
+    time and then moves as the recordings do does not.
+    """
     rules = in_force().baseline
     y = run.matrix("output")
     if len(run) < rules.run_samples:
@@ -106,9 +110,16 @@ def check_run(run: Record) -> None:
     for name, column in zip(run.names("output"), y.T, strict=True):
         size = np.abs(np.nan_to_num(column))
         usual = float(np.median(size))
-        if 0 < _RUNAWAY * usual < size.max():
-            first = int(np.argmax(size > _RUNAWAY * usual))
+        most = _RUNAWAY * max(usual, _largest(records, name))
+        if 0 < most < size.max():
+            first = int(np.argmax(size > most))
             raise NotIdentifiable(f"{run.source}: the simulation diverges, {name} at sample {first + 1}; simulate anew")
+
+
+def _largest(records: Sequence[Record], name: str) -> float:
+    """Return the largest size that was recorded of a channel; 0 where it has no sample."""
+    sizes = [np.abs(r.column(name)) for r in records if name in r.names("output")]
+    return max((float(np.max(x, initial=0.0, where=np.isfinite(x))) for x in sizes), default=0.0)
 
 
 def is_simple(run: Record) -> bool:

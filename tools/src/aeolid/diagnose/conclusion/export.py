@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
@@ -17,7 +16,7 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.localise.turn import turning_errors
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import differing, in_force
-from aeolid.diagnose.stats.numbers import finite
+from aeolid.diagnose.stats.numbers import finite, json_text
 from aeolid.diagnose.validation.divergent import Diverging
 from aeolid.formats.headings import heading_line
 from aeolid.models import expressions as ex
@@ -42,7 +41,7 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     if correction.free_run is not None:
         facts["free_run"] = correction.free_run.to_json()
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
-    output.write_text(folder / "evidence.json", json.dumps(facts, default=lambda v: v.tolist()) + "\n")
+    output.write_text(folder / "evidence.json", json_text(facts))
     return facts
 
 
@@ -60,22 +59,27 @@ def _headed(correction: Correction) -> str:
 
 
 def write_found(
-    diagnosis: dict[str, Any], evidence: dict[str, Any], model: Equations, wild: Diverging | None, late: Deadline,
-    folder: Path,
+    diagnosis: dict[str, Any], evidence: dict[str, Any], model: Equations | None, wild: Diverging | None,
+    late: Deadline, folder: Path, lacking: str = "",
 ) -> dict[str, Any]:  # fmt: skip
-    """Write the files of a diagnosis that was made without a study of fits; returns the evidence."""
+    """Write the files of a diagnosis that was made without a study of fits; returns the evidence.
+
+    lacking: why there is no corrected model, where there is none.
+    """
     diagnosis |= _own_rules()
-    if wild is not None:
-        model = replace(model, name=f"{model.name}, DIVERGES")
-    diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
+    if model is not None:
+        diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
     diagnosis["time_limit"] = late.to_json()
-    diagnosis["warnings"] = ([late.text()] if late.reached else []) + ([] if wild is None else [wild.text()])
+    told = [late.text() if late.reached else "", "" if wild is None else wild.text(), lacking]
+    diagnosis["warnings"] = [text for text in told if text]
     output.make_folder(folder)
     output.write_json(folder / "diagnosis.json", diagnosis)
-    output.make_folder(folder / "model")
-    output.write_text(folder / "model" / "model.toml", _headed(Correction(model, None, wild)))
+    if model is not None:
+        called = model if wild is None else replace(model, name=f"{model.name}, DIVERGES")
+        output.make_folder(folder / "model")
+        output.write_text(folder / "model" / "model.toml", _headed(Correction(called, None, wild)))
     write_series(evidence.get("series", {}), folder / "sealed_before_after.csv")
-    output.write_text(folder / "evidence.json", json.dumps(evidence, default=lambda v: v.tolist()) + "\n")
+    output.write_text(folder / "evidence.json", json_text(evidence))
     return evidence
 
 
@@ -85,7 +89,7 @@ def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Pat
     output.make_folder(folder)
     output.write_json(folder / "diagnosis.json", diagnosis)
     write_series({}, folder / "sealed_before_after.csv")
-    output.write_text(folder / "evidence.json", json.dumps(evidence) + "\n")
+    output.write_text(folder / "evidence.json", json_text(evidence))
     return evidence
 
 

@@ -189,6 +189,7 @@ def make_case(
     """
     require_same_layout(records)
     facts, found = _context(dict(context or {}), "context"), tuple(records)
+    _require_possible(facts, found, source)
     kind, more = "run", tuple(more_runs)
     if isinstance(baseline, Record):
         if more and same_inputs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,11 +56,33 @@ def _whole(record: Record, inputs: Sequence[str]) -> NDArray[np.bool_]:
 
 
 def _symbol(name: str, taken: set[str]) -> str:
-    symbol = "ch_" + re.sub(r"\W", "_", name)
-    while symbol in taken:
-        symbol += "_"
+    symbol = identifier(f"ch_{name}", taken)
     taken.add(symbol)
     return symbol
+
+
+def identifier(name: str, taken: Container[str]) -> str:
+    """Return a channel's name as equations may have it: ASCII letters, digits and `_`, numbered where it is taken.
+
+    Letters beyond ASCII would not do: some stand in no identifier, and others are read as a different one (NFKC).
+
+    >>> identifier("temp_m²", ()), identifier("a b", {"a_b"}), identifier("µ temp", ("__temp", "__temp_2"))
+    ('temp_m_', 'a_b_2', '__temp_3')
+    """
+    stem, number = re.sub(r"[^0-9A-Za-z_]", "_", name), 1
+    found = stem
+    while found in taken:
+        number += 1
+        found = f"{stem}_{number}"
+    return found
+
+
+def identifiers(names: Sequence[str]) -> dict[str, str]:
+    """Return by name what equations may call each of these channels, no two alike."""
+    found: dict[str, str] = {}
+    for name in names:
+        found[name] = identifier(name, set(found.values()))
+    return found
 
 
 def with_time(record: Record) -> Record:

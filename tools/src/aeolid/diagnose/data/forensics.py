@@ -82,7 +82,7 @@ def _in_all(channel: Channel, records: Sequence[Record]) -> list[Finding]:
     where = f"{channel.name} (all recordings)"
     if len(good) < 2 or np.ptp(good) == 0:
         return [Finding("constant", where, "never changes", "fault")]
-    if 2 * len(good) < len(values):
+    if len(values) - len(good) > in_force().data.missing_share * len(values):
         text = f"{len(values) - len(good)} of {len(values)} samples are missing"
         return [Finding("missing", where, text, "fault")]
     return []

@@ -65,9 +65,9 @@ def _without(record: Record, stretches: Sequence[Stretch]) -> Record:
 
 
 def _what_is_left(name: str, before: Sequence[Record], after: Sequence[Record]) -> list[Finding]:
-    """Return a fault where more than half of what an output measured had to be left out."""
+    """Return a fault where too much of what an output measured had to be left out, by the rule `missing_share`."""
     had, has = (sum(int(np.isfinite(r.column(name)).sum()) for r in records) for records in (before, after))
-    if 2 * has >= had:
+    if had - has <= in_force().data.missing_share * had:
         return []
     text = f"{had - has} of {had} samples are stuck, codes or strays: too little is left"
     return [Finding("left out", name, text, "fault")]

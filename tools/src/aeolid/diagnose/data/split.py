@@ -52,6 +52,7 @@ def split_records(
     rules = in_force().data
     columns = [*inputs, *extra]
     parts: dict[str, list[Segment]] = {}
+    plan: list[tuple[str, Record, int, int]] = []
     for plan, least in _plans(records, inputs, settle_s):
         parts = {"fit": [], "select": [], "sealed": []}
         for use, record, start, stop in plan:
@@ -62,8 +63,9 @@ def split_records(
     for use, segments in parts.items():
         if not segments:
             raise NotIdentifiable(
-                f"{records[0].source}: no stretch of {rules.fewest_samples} samples without missing inputs for"
-                f" the {use} part; {sum(len(r) for r in records)} samples in all, at least {_NEEDED} are needed"
+                f"{records[0].source}: no stretch of {rules.fewest_samples} samples without missing ones for the {use}"
+                f" part{_lacking([p[1:] for p in plan if p[0] == use], columns, outputs)}; {sum(map(len, records))}"
+                f" samples in all, at least {_NEEDED} are needed"
             )
     rows = [
         {"file": s.source, "start_s": s.start_s, "stop_s": s.stop_s, "use": use}
@@ -71,6 +73,20 @@ def split_records(
         for s in segments
     ]
     return Split(tuple(parts["fit"]), tuple(parts["select"]), tuple(parts["sealed"]), tuple(rows))
+
+
+def _lacking(rows: Sequence[tuple[Record, int, int]], inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """Say which channel is missing most in a part of the recordings, its rows given as record, first and stop."""
+    total = sum(stop - start for _, start, stop in rows)
+    lost = {
+        name: sum(int(np.isnan(r.column(name)[start:stop]).sum()) for r, start, stop in rows)
+        for name in (*inputs, *outputs)
+    }
+    worst = max(lost, key=lambda name: lost[name])
+    if not lost[worst]:
+        return ""
+    kind = "output" if worst in outputs else "input"
+    return f": the {kind} {worst!r} is missing in {lost[worst]} of its {total} rows (leave it out, or record it there)"
 
 
 def _plans(
@@ -126,7 +142,8 @@ def _plan(records: Sequence[Record], inputs: Sequence[str], settle_s: float) -> 
 def _sealed_of(records: Sequence[Record], inputs: Sequence[str]) -> Record:
     if len(records) == 2 or not inputs:
         return records[-1]
-    spreads = np.array([np.nanstd(r.columns(inputs), axis=0) for r in records])
+    known = [[x[np.isfinite(x)] for x in r.columns(inputs).T] for r in records]
+    spreads = np.array([[float(np.std(x)) if len(x) else 0.0 for x in own] for own in known])
     size = np.sum(spreads / np.maximum(spreads.max(axis=0), 1e-300), axis=1)
     return records[int(np.argsort(size, kind="stable")[len(records) // 2])]
 

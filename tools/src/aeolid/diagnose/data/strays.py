@@ -18,11 +18,15 @@ def codes_of(values: Array) -> NDArray[np.bool_]:
 
 
 def strays_of(values: Array) -> NDArray[np.bool_]:
-    """Tell which single samples lie far outside everything else; none where these are more than one in a thousand."""
+    """Tell which single samples lie far outside everything else.
+
+    None where these are more than one in a thousand; of a short recording one may be.
+    """
     away, coded = _far_off(values), codes_of(values)
-    if float(away.mean()) >= in_force().data.stray_share:
+    if int(away.sum()) > max(1.0, in_force().data.stray_share * len(values)):
         return np.zeros(len(values), dtype=bool)
-    found: NDArray[np.bool_] = away & ~coded & ~np.roll(away, 1) & ~np.roll(away, -1)
+    beside = np.concatenate([[False], away, [False]])
+    found: NDArray[np.bool_] = away & ~coded & ~beside[:-2] & ~beside[2:]
     return found
 
 

@@ -195,13 +195,14 @@ def play(values: Array, width: float) -> Array:
 def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> list[dict[str, object]]:
     """Compare the power of the whitened innovations in third octaves with white noise; family-wise over all cells.
 
-    Returns one entry a channel and band: ratio to white noise, and whether it exceeds the 1 % family-wise limit.
+    Returns one entry a channel and band: ratio to white noise, and whether it exceeds the family-wise limit.
     """
     step = predictor.segments[0].step
     outputs = predictor.segments[0].y.shape[1]
     white = fit.residual.reshape(-1, outputs)
     length = min(len(white), 1024)
-    if length < in_force().localise.spectrum_rows:
+    rules = in_force().localise
+    if length < rules.spectrum_rows:
         return []
     rng = np.random.default_rng(seed)
     f, power = welch(white, 1 / step, nperseg=length, axis=0)
@@ -212,7 +213,9 @@ def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> l
         null_rows.append(_bands(noise_f, noise_power, edges)[:, 0])
     null = np.stack(null_rows)
     centre, spread = null.mean(axis=0), np.maximum(null.std(axis=0), 1e-12)
-    limit = float(np.quantile(np.max(np.abs(null - centre) / spread, axis=1), 0.99)) * (1 + 0.1 * np.log(outputs))
+    limit = float(np.quantile(np.max(np.abs(null - centre) / spread, axis=1), 1 - rules.false_alarm_level)) * (
+        1 + 0.1 * np.log(outputs)
+    )
     measured = _bands(f, power, edges)
     apart = np.abs(measured - centre[:, None]) / spread[:, None]
     return [

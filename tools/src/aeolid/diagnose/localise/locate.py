@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.segments import Segment
-from aeolid.diagnose.hypotheses.parts.rotor import radians_a_unit
 from aeolid.diagnose.localise.cells import Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
 from aeolid.diagnose.predictor.noise import touched
 from aeolid.diagnose.rules import in_force
+from aeolid.models.angles import radians_a_unit
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

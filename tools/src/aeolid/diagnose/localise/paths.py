@@ -85,8 +85,7 @@ def path_cells(white: Sequence[Array], heard: Sequence[Array]) -> tuple[list[Cel
             for b, (low, high) in enumerate(pairwise((edges * lags).round().astype(int).tolist())):
                 total, freedom = float(power[low:high].sum()), 2 * (high - low)
                 chance = float(chdtrc(freedom, total))
-                rarity = -np.log10(chance) if chance > 0 else np.inf
-                found.append((j, i * len(edges) + b, total / freedom, float(rarity)))
+                found.append((j, i * len(edges) + b, total / freedom, float(-np.log10(max(chance, 1e-300)))))
     limit = float(-np.log10(1 - (1 - rules.false_alarm_level / rules.tail_ratio) ** (1 / len(found))))
     return [Cell(j, place, "path", value, z, limit) for j, place, value, z in found], edges
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.segments import Segment
-from aeolid.diagnose.hypotheses.parts.rotor import radians_a_unit
 from aeolid.diagnose.rules import in_force
+from aeolid.models.angles import radians_a_unit
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

@@ -41,8 +41,10 @@ class Fit:
     def std(self) -> Array:
         """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
         size, inverse, vectors = self._directions
-        variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
-        result: Array = np.sqrt(variance) / size
+        known = inverse < _NOTHING
+        variance = np.einsum("ij,j,ij->i", vectors, np.where(known, inverse, 0.0), vectors)
+        left_open = _NOTHING * np.sum(vectors[:, ~known] ** 2, axis=1) > 1.0  # by more than rounding of directions
+        result: Array = np.where(left_open, np.inf, np.sqrt(variance) / size)
         return result
 
     @cached_property

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from aeolid.diagnose.data.machine import blades_of
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.floors import in_blocks, sensor_noise
@@ -51,7 +52,8 @@ def pair_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[
     )
     recorded, simulated = in_regions(recorded, simulated)
     step = first.sample_time_s
-    bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros((1, 1)), np.ones(1), known)
+    bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros((1, 1)), np.ones(1), known,
+                passing=blades_of(context))  # fmt: skip
     stride, past = _window(window_s(bare, context), step, min(map(len, (*recorded, *simulated))))
     pair = _scaled(replace(bare, stride=stride, past=past), runs[0].source)
     noise = in_blocks(pair, sensor_noise(pair)) / pair.scale[pair.held :]

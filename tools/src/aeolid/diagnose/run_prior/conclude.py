@@ -14,6 +14,7 @@ import numpy as np
 from aeolid.diagnose.conclusion.export import write_found
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
@@ -36,7 +37,6 @@ from aeolid.diagnose.run_prior.explain import (
 from aeolid.diagnose.run_prior.floors import noise_findings
 from aeolid.diagnose.run_prior.gauges import gauge_of
 from aeolid.diagnose.run_prior.least import not_excluded
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement, without_mean_offset
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove
@@ -47,6 +47,7 @@ from aeolid.diagnose.run_prior.shown import answers_of, series_of, sides_of
 from aeolid.diagnose.run_prior.standing import answered, standing_of
 from aeolid.diagnose.run_prior.values import shown_values, values_of
 from aeolid.diagnose.validation.divergent import diverging
+from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
@@ -172,7 +173,7 @@ def _decided(study: RunStudy, units: Mapping[str, str]) -> tuple[str, list[dict[
         open_ = open_ or len(names) > 1
         for k, name in enumerate(names):
             rivals = [n for n in names if n is not name] if k == 0 else []
-            effects.append(effect_of(name, units, rivals))
+            effects.append(effect_of(name, units, rivals, study.pair.passing))
     if open_:
         return "ambiguous", effects
     if all(names[0].fault or names[0].entry in _FAULTS for names in study.names):
@@ -220,7 +221,8 @@ def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:
             f" {np.sqrt(x.moved[most]):.2g} times as large as they need be; no entry of the catalogue that was tried"
             f" explains it{'; ' + apart if (apart := told_apart(study.pair, study.answering)) else ''}"
         )
-    groups = [" — or: ".join(statement(n, units) for n in names) for names in study.names]
+    blades = study.pair.passing
+    groups = [" — or: ".join(statement(n, units, blades) for n in names) for names in study.names]
     return "; and ".join(groups)
 
 
@@ -235,9 +237,10 @@ def _where(verdict: str, x: Explanation) -> dict[str, Any] | None:
 
 
 def _sealed_text(pair: Pair) -> str:
-    parts = [
-        f"{Path(s.source).name} from {0.7 * len(s) * s.step:.6g} s to {len(s) * s.step:.6g} s" for s in pair.recordings
-    ]
+    parts = []
+    for s in pair.recordings:
+        first, last = (s.start_s + share * len(s) * s.step for share in (FIT, 1.0))
+        parts.append(f"{Path(s.source).name} from {first:.6g} s to {last:.6g} s")
     return "; ".join(parts)
 
 
@@ -258,11 +261,15 @@ def conclude_run(
     sets = blade_sets(case.records[0], case.context)
     claimed = study.told if diagnosis["effects"] else ()
     explanation = study.explanation if diagnosis["effects"] else _without(study.explanation)
-    model = corrected_model(study.pair, explanation, claimed, case.records, case.runs, sets)
-    wild = diverging(model, case.records)
+    model, wild, lacking = None, None, ""
+    try:
+        model = corrected_model(study.pair, explanation, claimed, case.records, case.runs, sets)
+        wild = diverging(model, case.records)
+    except NotIdentifiable as error:  # what was found stands without it
+        lacking = f"no corrected model was written: {error}"
     evidence = evidence_of(study, case.title, (*findings, *noise_findings(study.pair, units)), units)
     evidence["timing_s"] = {"in all": round(time.perf_counter() - begun, 3)}
-    return diagnosis, write_found(diagnosis, evidence, model, wild, deadline, folder)
+    return diagnosis, write_found(diagnosis, evidence, model, wild, deadline, folder, lacking)
 
 
 def _without(x: Explanation) -> Explanation:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -54,10 +55,10 @@ def disc_of(pair: Pair, context: Mapping[str, Any]) -> Disc | None:
         return None
     hz = float(turn) / (2 * np.pi)
     uneven = bool(pair.blades)
-    measure = _unevenness if uneven else _lines
-    run = np.mean([measure(pair, s, hz, int(blades)) for s in pair.runs], axis=0)
-    whole = np.mean([measure(pair, s, hz, int(blades)) for s in pair.recordings], axis=0)
-    parts = [measure(pair, p, hz, int(blades)) for s in pair.recordings for p in _fifths(s)]
+    measure = partial(_unevenness, pair, hz) if uneven else partial(_lines, int(blades), hz)
+    run = np.mean([measure(s) for s in pair.runs], axis=0)
+    whole = np.mean([measure(s) for s in pair.recordings], axis=0)
+    parts = [measure(p) for s in pair.recordings for p in _fifths(s)]
     values = [float(np.min(p - run)) for p in parts]
     value = float(np.min(whole - run))
     return Disc(value, tuple(values), uneven) if np.isfinite([value, *values]).all() else None
@@ -72,14 +73,14 @@ def _fifths(side: Side) -> list[Side]:
     ]  # fmt: skip
 
 
-def _unevenness(pair: Pair, side: Side, hz: float, blades: int) -> Array:
+def _unevenness(pair: Pair, hz: float, side: Side) -> Array:
     y = fixed_frame(side.y, side.azimuth, pair.blades)
     own = y.shape[1] - 3 * len(pair.blades)
     powers = [_power(y[:, own + 3 * k : own + 3 * k + 3], side.step, _band(_SLOW, hz)) for k in range(len(pair.blades))]
     return np.array([np.log(p[1] + p[2]) - np.log(p[0]) for p in powers])
 
 
-def _lines(pair: Pair, side: Side, hz: float, blades: int) -> Array:
+def _lines(blades: int, hz: float, side: Side) -> Array:
     near = _power(side.y, side.step, _band((blades * (1 - _NEAR), blades * (1 + _NEAR)), hz))
     return np.asarray(np.log(near) - np.log(_power(side.y, side.step, _band(_SLOW, hz))))
 

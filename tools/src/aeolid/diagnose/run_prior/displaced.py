@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.modes import KINDS, Kind
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.diagnose.run_prior.standing import Standing

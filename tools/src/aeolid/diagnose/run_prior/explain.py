@@ -1,7 +1,7 @@
 """Decide what explains a pair: one operator after another while each brings the run back, else a mode the run lacks.
 
-All numbers that decide stand here. A pair is detected by what is lost when the run counts fully, and beside that by an
-effect that is worth enough for itself: what is lost counts every law that moved, an effect's gain its own alone.
+All numbers that decide stand in `rules`. A pair is detected by what is lost when the run counts fully, and beside that
+by an effect that is worth enough for itself: what is lost counts every law that moved, an effect's gain its own alone.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # time constants and delays that are tri
 _DELAYS = (1, 2, 3, 4, 5, 6, 8, 11, 15)  # in samples: between them a delay interpolates, and the evidence ripples
 _WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of play and dead bands from end to end, in deviations of the input
 _RATES = (0.7, 0.5, 0.35, 0.25, 0.15)  # of the steepest slope of the input that all but a thousandth keep to
-_PASSING = (3, 6, 9)  # orders of a load that is short against a revolution, as a blade's before the tower
+_PASSING = (1, 2, 3)  # orders, in blades, of a load that is short against a revolution, as a blade's before the tower
 _TURNS = (5.0, 10.0, 20.0)  # time constants of the wake, in windows / 5
 
 
@@ -33,7 +33,8 @@ class Hypothesis:
     as the catalogue has them; grid: values to begin at; change: what the values do to the data; scaled: which values
     are searched on a logarithmic scale (all but shares and factors); steps: widths of the first search, on that scale;
     of: frequency in Hz and damping of the run's mode that moves; parts: how many loads it is, each of which must be
-    worth a name; fault: how the recording was taken is at fault, not the simulation; words: one sentence of it.
+    worth a name; fault: how the recording was taken is at fault, not the simulation; words: one sentence of it, a
+    format string over its values.
     """
 
     entry: str
@@ -70,7 +71,7 @@ def all_hypotheses(pair: Pair, units: dict[str, str]) -> list[Hypothesis]:
         found += _of_input(pair, i, name, units.get(name, ""))
     found.append(_clock(pair))
     for j, name in enumerate(pair.outputs):
-        found += _of_output(pair, j, name, units.get(name, ""))
+        found += _of_output(pair, j, name)
     found += _of_rotor(pair)
     return found
 
@@ -188,7 +189,7 @@ def _clock(pair: Pair) -> Hypothesis:
     return Hypothesis("data_time_offset", "data", ("offset_s",), ("s",), (-far,), (far,), starts, change, scaled=False)
 
 
-def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
+def _of_output(pair: Pair, j: int, name: str) -> list[Hypothesis]:
     block, place = pair.grain_s, f"output:{name}"
     y = np.concatenate([s.y[:, j] for s in pair.recordings])
     low, high = float(y.min()), float(y.max())
@@ -230,9 +231,10 @@ def _of_rotor(pair: Pair) -> list[Hypothesis]:
 
         return Change(extra=waves)
 
-    grown = grown_line(pair, _PASSING[0])  # less than it was, it is no load that the runs lack
-    short = [("tower_shadow", _PASSING)] if grown > in_force().run_prior.shadow_growth else []
+    passing = tuple(k * pair.passing for k in _PASSING)
+    grown = grown_line(pair, passing[0])  # less than it was, it is no load that the runs lack
+    short = [("tower_shadow", passing)] if grown > in_force().run_prior.shadow_growth else []
     return [
         Hypothesis(entry, "rotor", (), (), (), (), ((),), partial(harmonic, orders), parts=len(orders))
-        for entry, orders in (("mass_imbalance", (1,)), ("rotational_sampling", (3,)), *short)
+        for entry, orders in (("mass_imbalance", (1,)), ("rotational_sampling", passing[:1]), *short)
     ]

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.search import FIT
+from aeolid.models.angles import radians_a_unit
 from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
@@ -25,7 +27,6 @@ Array = NDArray[np.float64]
 SPAN = 10.0  # s of a mean
 SPEEDS = ("m/s", "km/h", "kn", "mph", "ft/s")  # units of a wind
 _RIDGE = 1e-3  # of the run's means
-_SEALED = 0.3  # of each recording
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,10 @@ def _means(record: Record, by: Sequence[str], target: Sequence[str], part: int |
     """Return means (n, k + 1) over SPAN of the channels that say the state, and last of the target; whole ones only."""
     y = record.columns(target)
     if part is not None:
-        azimuth = record.names("azimuth")[0]
-        turns = np.pi / 180 if record.unit(azimuth).startswith(("deg", "°")) else 1.0
-        y = fixed_frame(y, record.column(azimuth) * turns, (tuple(range(len(target))),))[:, part : part + 1]
+        name = record.names("azimuth")[0]
+        angle = record.column(name)
+        angle = angle * radians_a_unit(record.unit(name), angle)
+        y = fixed_frame(y, angle, (tuple(range(len(target))),))[:, part : part + 1]
     values = np.hstack([record.columns(by), y])
     span = max(1, round(SPAN / record.sample_time_s))
     n = len(values) // span
@@ -140,7 +142,7 @@ def _shift(law: str, channel: str, recorded: Sequence[Array], run: Array) -> Shi
     for means in recorded:
         z = (means[:, :-1][:, moves] - centre) / spread
         off = np.column_stack([means[:, -1] - _features(z) @ theta, _features(z)])
-        cut = round((1 - _SEALED) * len(off))
+        cut = round(FIT * len(off))
         good = np.all(np.abs(z) < rules.law_within_deviations, axis=1)
         parts[0].append(off[:cut][good[:cut]])
         parts[1].append(off[cut:][good[cut:]])

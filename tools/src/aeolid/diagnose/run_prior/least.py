@@ -38,7 +38,7 @@ def not_excluded(x: Explanation, named: set[str]) -> list[dict[str, Any]]:
 
 
 def least_size(hypothesis: Hypothesis, grid: Sequence[tuple[Values, float]]) -> float | None:
-    """Return the distance from the null at which the evidence has fallen by DETECTED nats; None where it never does.
+    """Return the distance from the null at which the evidence has fallen by `excluded_nats`; None where it never does.
 
     Between grid points nats go with a power of the size. No smaller size is told than the smallest that is tried: the
     search begins at those.

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly

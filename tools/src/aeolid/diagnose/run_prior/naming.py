@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
@@ -16,7 +17,6 @@ from aeolid.diagnose.hypotheses.simulators import settings
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.standing import Standing
 
@@ -47,8 +47,8 @@ _WORDS = {
     "sensor_saturation": "{name} is cut at the ends of its range",
     "mass_imbalance": "the rotor is out of balance: a force turns with it that the simulation leaves out",
     "aero_imbalance": "the blades are not pitched alike: a load turns with the rotor that the simulation leaves out",
-    "tower_shadow": "loads come three times a revolution (tower shadow) that the simulation leaves out",
-    "rotational_sampling": "loads come three times a revolution (turbulence sampled by the blades) that the simulation"
+    "tower_shadow": "loads come {times} a revolution (tower shadow) that the simulation leaves out",
+    "rotational_sampling": "loads come {times} a revolution (turbulence sampled by the blades) that the simulation"
     " leaves out",
 }  # fmt: skip
 
@@ -219,8 +219,8 @@ def _is_offset(s: Standing) -> bool:
     return s.entries[0] == "sensor_bias" and s.place["sensor_bias"].startswith("input:")
 
 
-def statement(name: Name, units: Mapping[str, str]) -> str:
-    """Return one plain sentence."""
+def statement(name: Name, units: Mapping[str, str], blades: int = 3) -> str:
+    """Return one plain sentence; blades: of the rotor."""
     if name.words:
         return name.words
     channel = name.place.partition(":")[2] or name.place
@@ -233,13 +233,17 @@ def statement(name: Name, units: Mapping[str, str]) -> str:
             f" not in the simulation, seen most in {channel}"
         )
     try:
-        return _WORDS[name.entry].format(name=channel, unit=unit, **values)
+        return _WORDS[name.entry].format(name=channel, unit=unit, times=_times(blades), **values)
     except KeyError:
         return f"{entry(name.entry).name} at {name.place}"
 
 
-def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name]) -> dict[str, Any]:
-    """Return an effect as diagnosis.json holds it."""
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice", 3: "three times"}.get(count, f"{count} times")
+
+
+def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name], blades: int = 3) -> dict[str, Any]:
+    """Return an effect as diagnosis.json holds it; blades: of the rotor."""
     kind, channel = entry(name.entry), name.place.partition(":")[2]
     inputs = (channel,) if name.place.startswith("input:") else ()
     outputs = (channel,) if name.place.startswith("output:") else ()
@@ -249,9 +253,9 @@ def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name]) -> dict[
         f, std = name.told["frequency_hz"]
         where["frequency_hz"] = [max(f - max(0.1 * f, 2 * std), 0.0), f + max(0.1 * f, 2 * std)]
     if name.place == "rotor" and kind.family in ("rotor_1p", "rotor_3p"):
-        where["azimuth_order"] = 3 if kind.family == "rotor_3p" else 1
+        where["azimuth_order"] = blades if kind.family == "rotor_3p" else 1
     return {
-        "id": name.entry, "family": kind.family, "statement": statement(name, units), "location": where,
+        "id": name.entry, "family": kind.family, "statement": statement(name, units, blades), "location": where,
         "equation": kind.equation,
         "settings": [
             {"simulator": simulator, "set": text}

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise, with_noisy_outputs
 from aeolid.diagnose.run_prior.turning import turned
 from aeolid.errors import NotIdentifiable
+from aeolid.models.angles import radians_a_unit
 from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
@@ -34,7 +35,7 @@ class Side:
     """Hold one recording or run: u (N, r), y (N, l), azimuth (N,) in rad or None, where samples are missing, source.
 
     turned (N,): the angle in rad that the rotor has turned by, from anywhere, or None; d (N, k): recorded
-    disturbances, None for none; region: place of its region of operation.
+    disturbances, None for none; region: place of its region of operation; start_s: time of its first sample in s.
     """
 
     u: Array
@@ -46,6 +47,7 @@ class Side:
     turned: Array | None = None
     d: Array | None = None
     region: int = 0
+    start_s: float = 0.0
 
     def __len__(self) -> int:
         return len(self.u)
@@ -120,7 +122,8 @@ class Pair:
     inputs, outputs: names as recorded; shown: names of the outputs in the fixed frame; stride: samples a block; past:
     blocks a window; blades: places of each set of blade outputs; offset (regions, m), scale (m,): of the
     runs; disturbances: names of what is recorded of wind and waves on both sides, block means of which are regressors
-    that nothing changes; noise (shown,): of the recordings' outputs in blocks, which the runs lack, in deviations.
+    that nothing changes; noise (shown,): of the recordings' outputs in blocks, which the runs lack, in deviations;
+    passing: how many blades pass in a revolution, of which outputs need not tell.
     """
 
     inputs: tuple[str, ...]
@@ -136,6 +139,7 @@ class Pair:
     scale: Array
     disturbances: tuple[str, ...] = ()
     noise: Array | None = None
+    passing: int = 3
 
     @property
     def held(self) -> int:
@@ -204,7 +208,7 @@ class Pair:
         if change.extra is not None:
             rows.append(_before(_in_blocks(change.extra(side), self.stride)[:, -1])[k])
         scale, offset = self.scale[held:], self.offset[side.region][held:]
-        time_s = np.asarray(k * self.block_s, dtype=np.float64)
+        time_s = np.asarray(side.start_s + k * self.block_s, dtype=np.float64)
         return time_s, z[k][:, held:] * scale + offset, np.hstack(rows) @ theta * scale + offset
 
     def _moments(self, side: Side, change: Change, first: float, last: float) -> Gram:
@@ -281,12 +285,14 @@ def side_of(
     azimuth = None
     if angle:
         values = record.column(angle[0])
-        turns = np.pi / 180 if record.unit(angle[0]).startswith(("deg", "°")) else 1.0
         missing |= ~np.isfinite(values)
-        azimuth = np.nan_to_num(values) * turns
+        azimuth = np.nan_to_num(values) * radians_a_unit(record.unit(angle[0]), values)
     angle_turned = azimuth if azimuth is not None else turned(record, context)
     known = _filled(d) if disturbances else None
-    return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned, known)
+    return Side(
+        _filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned, known,
+        start_s=float(record.time_s[0]),
+    )  # fmt: skip
 
 
 def lost_for_long(values: Array) -> Mask:

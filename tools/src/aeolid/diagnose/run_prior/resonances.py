@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.modal import Modal, model_of_runs
 from aeolid.diagnose.run_prior.moving import Swing, swing_of
 from aeolid.diagnose.run_prior.pair import Change, Pair

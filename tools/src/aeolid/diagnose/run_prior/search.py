@@ -89,11 +89,11 @@ class Search:
     def gain(self, h: Hypothesis, values: Values) -> tuple[float, float]:
         """Return the gain in nats over the evidence without it, and the weight of the run."""
         self.evaluations += 1
-        change = h.change(values).after(self.found)
         own = h.change(values)
+        change = own.after(self.found)
         prior = self.prior if own.is_of_recordings else prior_of(self.pair.of_runs(change), self.ridge)
         recorded = self.recorded
-        if change.inputs is not self.found.inputs or change.extra is not self.found.extra:
+        if own.inputs or own.extra is not None:
             recorded = self.pair.of_recordings(change, 0.0, self.last)
         found = evidence(prior, recorded, self.base.weight)
         return found.nats - self.base.nats, found.weight

@@ -1,6 +1,6 @@
 """Name what moves levels, answers and unevenness: thinner air, shear, yaw, a wake, late lift, a blade that bends.
 
-All numbers that decide stand here; a level that moved counts where both parts of the recording show it.
+All numbers that decide stand in `rules`; a level that moved counts where both parts of the recording show it.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.answering import Answer, named
 from aeolid.diagnose.run_prior.disc import Disc, disc_of
 from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.offsets import THRUST, Offset, offset_of
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.diagnose.run_prior.responses import Answering
@@ -136,10 +136,11 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
     reads = 1 + wind.share
     told["sensor_scale"] = {"factor": (reads, wind.deviation / abs(wind.level))}
     where = {"air_density": "rotor", "cp_change": "rotor", "sensor_scale": f"channel:{channel}"}
-    same = f"at the same pitch angle, torque and speed {channel} is {wind.share:+.1%} of the simulation's"
+    same = f"at the same pitch angle, torque and speed {channel} is off by {wind.share:+.1%} from the simulation's"
     words = {
-        "air_density": f"the air's density is {factor - 1:+.1%} of the simulation's: {same}, and the thrust follows",
-        "cp_change": f"the power coefficient is {factor - 1:+.1%} of the simulation's: {same}",
+        "air_density": f"the air's density is off by {factor - 1:+.1%} from the simulation's: {same}, and the thrust"
+        " follows",
+        "cp_change": f"the power coefficient is off by {factor - 1:+.1%} from the simulation's: {same}",
         "sensor_scale": f"{channel} reads {reads:.3g} times the simulation's wind: {same}",
     }
     return Standing(_by_thrust(laws, wind), where, told, words, nats, interval, beside=True)
@@ -190,7 +191,8 @@ def _thrust(laws: Mapping[str, Shift]) -> Standing | None:
     std = thrust.deviation / abs(thrust.level)
     channel, same = thrust.channel, "at the same wind, pitch angle, torque and speed"
     words = {
-        "air_density": f"{same} {channel} is {thrust.share:+.1%} of the simulation's: the air's density differs",
+        "air_density": f"{same} {channel} is off by {thrust.share:+.1%} from the simulation's: the air's density"
+        " differs",
         "sensor_scale": f"{channel} reads {1 + thrust.share:.3g} times the simulation's {same}",
     }
     told = {

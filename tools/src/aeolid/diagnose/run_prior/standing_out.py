@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.modal import Absent, Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.models.modes import Mode
@@ -126,7 +126,7 @@ def local_of(pair: Pair, mode: Absent, turn: float | None, fit: float) -> Local 
     best = max((r for r in own if r.is_plain), key=lambda r: r.whole, default=None)
     if best is None:
         return None
-    passing = (turn or 0.0) * max((len(b) for b in pair.blades), default=3)
+    passing = (turn or 0.0) * max((len(b) for b in pair.blades), default=pair.passing)
     order = round(mode.frequency_hz / passing) if passing else 0
     if order < 1 or abs(mode.frequency_hz - order * passing) > in_force().run_modes.passing_distance * passing * order:
         return best

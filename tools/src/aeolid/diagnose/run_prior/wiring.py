@@ -88,11 +88,14 @@ def _blades_scaled(pair: Pair, places: tuple[int, ...]) -> Hypothesis | None:
     return _in_other_units(f"output:{pair.outputs[places[0]]}", factor, change)
 
 
+def literal(text: str) -> str:
+    """Return a text whose braces stand for themselves in a format string: names of channels may have some."""
+    return text.replace("{", "{{").replace("}", "}}")
+
+
 def _in_other_units(place: str, factor: float, change: Callable[[Values], Change]) -> Hypothesis:
-    channel = place.partition(":")[2]
-    words = (
-        f"{channel} is recorded in another unit than in the simulation: {factor:.4g} times as large{ratio_text(factor)}"
-    )
+    channel, ratio = literal(place.partition(":")[2]), f"{factor:.4g} times as large{ratio_text(factor)}"
+    words = f"{channel} is recorded in another unit than in the simulation: {ratio}"
     return Hypothesis(
         "sensor_scale", place, ("factor",), ("1",), (factor / _NEAR,), (factor * _NEAR,), ((factor,),), change,
         fault=True, words=words,
@@ -108,7 +111,7 @@ def _names(pair: Pair, units: Mapping[str, str]) -> list[Hypothesis]:
             continue
         order = list(range(len(pair.outputs)))
         order[a], order[b] = b, a
-        words = f"the channels {own} and {other} are swapped: each was recorded under the other's name"
+        words = literal(f"the channels {own} and {other} are swapped: each was recorded under the other's name")
         found.append(
             Hypothesis(
                 "data_channel_swap", f"outputs:{own} and {other}", (), (), (), (), ((),),
@@ -137,7 +140,8 @@ def _clocks(pair: Pair) -> list[Hypothesis]:
 
         return Hypothesis(
             "data_time_offset", f"output:{name}", ("offset_s",), ("s",), (-far,), (far,), starts, change,
-            scaled=False, fault=True, words=f"{name} is stamped {{offset_s:.3g}} s late against the other channels",
+            scaled=False, fault=True,
+            words=f"{literal(name)} is stamped {{offset_s:.3g}} s late against the other channels",
         )  # fmt: skip
 
     return [of(j, name) for j, name in enumerate(pair.outputs) if j not in turning]

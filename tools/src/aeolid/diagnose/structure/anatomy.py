@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -192,8 +193,19 @@ def _derivative_order(unit: str) -> int:
 
 
 def base_unit(unit: str) -> str:
-    """Return the unit of the position of a velocity or an acceleration."""
-    return unit.split("/")[0].strip() or "1"
+    """Return the unit of the position of a velocity or an acceleration, of other units themselves.
+
+    Times are in s, so that what turns at so many rpm goes so many rpm s.
+
+    >>> [base_unit(u) for u in ("mm/s", "rad/s^2", "rpm", "g", "N/m", "")]
+    ['mm', 'rad', 'rpm s', 'g s^2', 'N/m', '1']
+    """
+    plain = unit.strip() or "1"
+    of_seconds = re.fullmatch(r"(.*?)\s*/\s*s\s*((\^|\*\*)?\s*2|²)?", plain)
+    if of_seconds:
+        return of_seconds[1] or "1"
+    of_others = 1 if re.search(r"/\s*(min|h)$", plain) or plain in ("kn", "mph") else _derivative_order(plain)
+    return plain + ("", " s", " s^2")[of_others]
 
 
 def linear_in(row: Array, model: Equations) -> ast.expr:

@@ -23,7 +23,7 @@ from aeolid.decompositions import lstsq, pinv
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.structure.anatomy import Motion
+from aeolid.diagnose.structure.anatomy import Motion, base_unit
 from aeolid.models import expressions as ex
 from aeolid.models.equations import STEP, TIME, Equations, Memory, Output
 
@@ -253,7 +253,7 @@ def _apart(a: Coordinate, b: Coordinate, step: float) -> Coordinate:
 def _moving(v: _Channel, step: float) -> Coordinate:
     """Return a velocity without a position; how far it goes is known, from its changes."""
     q = tuple(np.cumsum(x - x.mean()) * step for x in v.values)
-    return Coordinate(v.name, v.unit.split("/")[0] or "1", None, ast.Name(id=v.symbol), q, v.values)
+    return Coordinate(v.name, base_unit(v.unit), None, ast.Name(id=v.symbol), q, v.values)
 
 
 def _remembering(model: Equations, memories: Sequence[Memory]) -> Equations:

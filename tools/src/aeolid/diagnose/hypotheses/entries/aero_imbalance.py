@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
@@ -20,7 +21,7 @@ _MOST = 1.0
 
 def _attach(site: Site) -> list[Attachment]:
     axial = rotor.place(site, "fore_aft")
-    if not rotor.is_turbine(site) or axial is None:
+    if not is_turbine(site.context) or axial is None:
         return []
     factor, side = rotor.wind_factor(site), rotor.place(site, "side_side")
     as_force = side is not None and side.is_force and axial.is_force

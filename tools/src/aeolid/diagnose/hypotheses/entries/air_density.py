@@ -13,7 +13,7 @@ def _attach(site: Site) -> list[Attachment]:
     return power_level.scaled(
         site, "air_density", "density_change", ("speed", "fore_aft"), _MOST,
         "Q_aero = (1 + density_change)*Q_aero_model, T = (1 + density_change)*T_model",
-        lambda change: f"the air's density is {change:+.1%} of the model's: torque and thrust are off by one factor",
+        lambda change: f"the air's density is off by {change:+.1%} from the model's: torque and thrust go with it",
     )  # fmt: skip
 
 

@@ -56,8 +56,9 @@ def _classic(motion: Motion, number: int) -> Attachment:
         starts=({}, {force.name: 0.1 * motion.force_size}, {force.name: motion.force_size}),
         equation=f"F = -{motion.force_name}*z, z' = (v - |v|*z/2 - v*|z|/2)/yield_length",
         statement=say(
-            f"a hysteretic (Bouc-Wen) force of up to {{{motion.force_name}:.3g}} {unit} acts at {motion.location}; it"
-            f" yields over {{yield_length:.3g}} {motion.position_unit} after each reversal, however slowly"
+            f"a hysteretic (Bouc-Wen) force of up to {{{motion.force_name}:.3g}} {{unit}} acts at {{at}}; it yields"
+            " over {yield_length:.3g} {length} after each reversal, however slowly",
+            unit=unit, length=motion.position_unit, at=motion.location,
         ),
     )  # fmt: skip
 
@@ -74,9 +75,9 @@ def _shaped(motion: Motion, number: int) -> Attachment:
         stepped=True,  # free springs and dampers hide a slim loop that hardens: their best has no slope towards it
         equation=f"F = -{motion.force_name}*z, z' = (v - |v|*z/2 - shape*v*|z|/2)/yield_length",
         statement=say(
-            f"a hysteretic (Bouc-Wen) force {{{motion.force_name}:.3g}} {motion.force_unit} z acts at"
-            f" {motion.location}, z' = (v - |v| z/2 - {{shape:.3g}} v |z|/2)/d with d = {{yield_length:.3g}}"
-            f" {motion.position_unit}"
+            f"a hysteretic (Bouc-Wen) force {{{motion.force_name}:.3g}} {{unit}} z acts at {{at}}, z' = (v - |v| z/2"
+            " - {shape:.3g} v |z|/2)/d with d = {yield_length:.3g} {length}",
+            unit=motion.force_unit, length=motion.position_unit, at=motion.location,
         ),
     )  # fmt: skip
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path, rotor
+from aeolid.diagnose.data.exogenous import identifiers
+from aeolid.diagnose.data.machine import is_turbine
+from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.models import expressions as ex
@@ -20,7 +21,7 @@ _LOW_S, _HIGH_S = 1.5, 200.0
 
 
 def _attach(site: Site) -> list[Attachment]:
-    if rotor.is_turbine(site):
+    if is_turbine(site.context):
         chosen = pitch_path.pitch_inputs(site)
     else:
         chosen = list(range(len(site.input_names)))[:2] if site.context.get("closed_loop") is True else []
@@ -36,7 +37,7 @@ def _says(name: str, v: Mapping[str, float]) -> str:
 
 def _on(site: Site, i: int) -> Attachment:
     name, symbol = site.input_names[i], site.symbols[i]
-    tag = re.sub(r"\W", "_", name)
+    tag = identifiers(site.input_names)[name]
     state, tau = f"hidden_{tag}", f"hidden_tau_{tag}"
     mean = float(np.mean(site.u[:, i]))
     gain = Slot(f"hidden_gain_{tag}", "gain", "1", 0.0, 0.0, 20.0, 1e-3)

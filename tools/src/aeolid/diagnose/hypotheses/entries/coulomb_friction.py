@@ -33,8 +33,8 @@ def _on(motion: Motion, number: int, *, stepped: bool) -> Attachment:
         starts=({}, {force: 0.1 * size}, {force: size}), stepped=stepped,
         equation=f"F = -{motion.force_name}*sign(v), v at {motion.location}",
         statement=say(
-            f"dry (Coulomb) friction of {{{motion.force_name}:.3g}} {motion.force_unit} at {motion.location} opposes"
-            " the motion and is missing from the model"
+            f"dry (Coulomb) friction of {{{motion.force_name}:.3g}} {{unit}} at {{at}} opposes the motion and is"
+            " missing from the model", unit=motion.force_unit, at=motion.location,
         ),
     )  # fmt: skip
 

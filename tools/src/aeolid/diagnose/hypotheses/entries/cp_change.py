@@ -11,8 +11,8 @@ def _attach(site: Site) -> list[Attachment]:
     return power_level.scaled(
         site, "cp_change", "cp_change", ("speed",), 0.6, "Q_aero = (1 + cp_change)*Q_aero_model",
         lambda change: (
-            f"the rotor's torque is {change:+.1%} of what the model's power coefficient gives (soiled, iced or worn"
-            " blades would do that)"
+            f"the rotor's torque is off by {change:+.1%} from what the model's power coefficient gives (soiled,"
+            " iced or worn blades would do that)"
         ),
     )  # fmt: skip
 

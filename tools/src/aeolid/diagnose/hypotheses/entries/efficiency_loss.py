@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, ROSCO, Setting
@@ -12,7 +13,7 @@ from aeolid.models.equations import Equations, Parameter
 
 
 def _attach(site: Site) -> list[Attachment]:
-    if not rotor.is_turbine(site):
+    if not is_turbine(site.context):
         return []
     return [_on(site.output_names[j]) for j in rotor.outputs_like(site, "power")[:1]]
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
-    if not rotor.is_turbine(site):
+    if not is_turbine(site.context):
         return []
     edge = rotor.blade_outputs(site, "edge")
     if edge:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
@@ -11,7 +12,7 @@ from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 def _attach(site: Site) -> list[Attachment]:
     found = rotor.place(site, "side_side")
-    if not rotor.is_turbine(site) or found is None:
+    if not is_turbine(site.context) or found is None:
         return []
     speed = rotor.speed(site)
     factor = f"*{speed}**2" if speed else ""

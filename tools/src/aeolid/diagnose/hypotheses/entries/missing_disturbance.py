@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.entries import wave_load
-from aeolid.diagnose.hypotheses.parts import rotor, unused_channel
+from aeolid.diagnose.hypotheses.parts import unused_channel
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 
 
 def _attach(site: Site) -> list[Attachment]:
-    waves = wave_load.recorded(site) if rotor.is_turbine(site) else None  # waves have a name of their own
+    waves = wave_load.recorded(site) if is_turbine(site.context) else None  # waves have a name of their own
     channels = [c for c in site.exogenous if c.role == "disturbance" and c is not waves]
     return unused_channel.attach(
         site, "missing_disturbance", channels, "disturbs the plant and is recorded, but the model ignores it"

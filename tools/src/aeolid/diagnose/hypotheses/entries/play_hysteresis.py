@@ -46,8 +46,9 @@ def _on(motion: Motion, number: int) -> Attachment:
         starts=({}, {stiff: 0.1 * natural_size}, {stiff: natural_size}),
         equation="F = -stiffness*(q - p), p follows q with a play of +-half_width",
         statement=say(
-            f"a spring with a dry slider acts at {motion.location}: {{stiffness:.3g}} {unit} within"
-            f" {{half_width:.3g}} {motion.position_unit} after each reversal, then it slips (play hysteresis)"
+            "a spring with a dry slider acts at {at}: {stiffness:.3g} {unit} within {half_width:.3g} {length} after"
+            " each reversal, then it slips (play hysteresis)",
+            unit=unit, length=motion.position_unit, at=motion.location,
         ),
     )  # fmt: skip
 

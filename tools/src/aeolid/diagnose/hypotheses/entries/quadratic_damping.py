@@ -22,8 +22,8 @@ def _on(motion: Motion, number: int) -> Attachment:
         starts=({}, {name: 0.01 * size}, {name: 0.1 * size}),
         equation=f"F = -c2*v*abs(v), v at {motion.location}",
         statement=say(
-            f"drag at {motion.location} grows with the square of the speed (c2 = {{c2:.3g}} {unit});"
-            " the model's damping does not grow with amplitude"
+            "drag at {at} grows with the square of the speed (c2 = {c2:.3g} {unit}); the model's damping does not grow"
+            " with amplitude", unit=unit, at=motion.location,
         ),
     )  # fmt: skip
 

@@ -20,8 +20,8 @@ def _on(motion: Motion, number: int) -> Attachment:
         starts=({}, {name: 0.1 * size}, {name: -0.1 * size}),
         equation=f"F = -k2*q^2, q at {motion.location}",
         statement=say(
-            f"the restoring force at {motion.location} has a part that grows with the square of the deflection"
-            f" (k2 = {{k2:.3g}} {unit}): it is stiffer to one side; the model is alike to both"
+            "the restoring force at {at} has a part that grows with the square of the deflection (k2 = {k2:.3g}"
+            " {unit}): it is stiffer to one side; the model is alike to both", at=motion.location, unit=unit,
         ),
     )  # fmt: skip
 

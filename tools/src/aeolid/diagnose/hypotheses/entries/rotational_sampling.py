@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import band, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
@@ -18,7 +19,7 @@ def _attach(site: Site) -> list[Attachment]:
     As a thrust alone it contradicted the rotor's speed, which saw the gusts: 0.3 nats for 145 on the same recording.
     """
     places, order, rate = rotor.hub(site), rotor.blades(site), rotor.turning(site)
-    if not rotor.is_turbine(site) or not places or not rate:
+    if not is_turbine(site.context) or not places or not rate:
         return []
     if abs(order * rate) * site.row_step > in_force().hypotheses.nyquist_share * math.pi:
         return []

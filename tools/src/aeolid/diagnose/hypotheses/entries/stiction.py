@@ -36,8 +36,9 @@ def _on(motion: Motion, number: int) -> Attachment:
         starts=({excess: 0.03 * size}, {excess: 0.3 * size}, {force: size, excess: size}),
         equation=f"F = -({motion.force_name} + breakaway_excess*exp(-(v/stribeck_speed)^2))*sign(v)",
         statement=say(
-            f"dry friction at {motion.location} sticks: {{{motion.force_name}:.3g}} {unit} in motion and"
-            f" {{breakaway_excess:.3g}} {unit} more near rest (below {{stribeck_speed:.3g}} {pace_unit})"
+            f"dry friction at {{at}} sticks: {{{motion.force_name}:.3g}} {{unit}} in motion and"
+            " {breakaway_excess:.3g} {unit} more near rest (below {stribeck_speed:.3g} {pace})",
+            at=motion.location, unit=unit, pace=pace_unit,
         ),
     )  # fmt: skip
     return replace(made, essential=(excess,), credible=partial(_sticks, motion.force_name))

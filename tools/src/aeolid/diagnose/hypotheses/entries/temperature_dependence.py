@@ -44,8 +44,8 @@ def _stiffness(motion: Motion, number: int, k: int, channel: Exogenous, seen: tu
         equation=f"F = -stiffness_slope*({channel.name} - {mean:.4g})*{'stiffness*' if mode else ''}q"
         f" at {motion.location}",
         statement=say(
-            f"the stiffness at {motion.location} follows {channel.name}: {{stiffness_slope:.3g}} {unit}"
-            " (the model has it constant)"
+            "the stiffness at {at} follows {channel}: {stiffness_slope:.3g} {unit} (the model has it constant)",
+            at=motion.location, channel=channel.name, unit=unit,
         ),
     )  # fmt: skip
 

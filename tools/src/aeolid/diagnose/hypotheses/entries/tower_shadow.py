@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
@@ -17,7 +18,7 @@ _EQUATION = "F = F*((1 + q^2)*cos(x) + 2*q)/(1 + 2*q*cos(x) + q^2)^2, x = blades
 
 
 def _attach(site: Site) -> list[Attachment]:
-    if not rotor.is_turbine(site):
+    if not is_turbine(site.context):
         return []
     order, places = rotor.blades(site), rotor.hub(site)
     made = rotor.locked(

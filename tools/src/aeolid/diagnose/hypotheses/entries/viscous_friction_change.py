@@ -33,7 +33,8 @@ def _on(motion: Motion, number: int) -> Attachment:
         starts=({}, {name: 0.01 * size}, {name: 0.1 * size}),
         equation=f"F = -damping_change*v, v at {motion.location}",
         statement=say(
-            f"viscous friction of {{damping_change:.3g}} {unit} acts at {motion.location}; the model has none there"
+            "viscous friction of {damping_change:.3g} {unit} acts at {at}; the model has none there",
+            unit=unit, at=motion.location,
         ),
     )  # fmt: skip
 

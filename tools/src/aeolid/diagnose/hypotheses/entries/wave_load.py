@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from aeolid.diagnose.data.exogenous import Exogenous
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import band, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
@@ -30,7 +31,7 @@ def recorded(site: Site) -> Exogenous | None:
 
 def _attach(site: Site) -> list[Attachment]:
     tower = rotor.place(site, "fore_aft", broad=True) or rotor.place(site, "side_side", broad=True)
-    if not rotor.is_turbine(site) or tower is None:
+    if not is_turbine(site.context) or tower is None:
         return []
     channel = recorded(site)
     if channel is not None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, ROSCO, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
-    flap = rotor.blade_outputs(site, "flap") if rotor.is_turbine(site) else []
+    flap = rotor.blade_outputs(site, "flap") if is_turbine(site.context) else []
     return rotor.on_blades(
         site, "yaw_misalignment", flap, (("sin", "lateral"), ("cos", "vertical")),
         "M_flap = M_cos*cos(azimuth of the blade) + M_sin*sin(azimuth of the blade)",

@@ -63,7 +63,7 @@ def _on(motion: Motion, number: int) -> list[Attachment]:
                 motion, number, ID, (Slot(name, "factor", "", 0.0, -100 * size, 100 * size, 1e-4 * size),),
                 f"-{name}*{force}", kind=f"_{k + 1}", starts=({}, {name: 0.1 * size}, {name: -0.1 * size}),
                 equation=f"F = -factor*{form} at {motion.location}",
-                statement=say(f"a force at {motion.location} that follows {says}"),
+                statement=say("a force at {at} that follows {says}", at=motion.location, says=says),
             )
         )  # fmt: skip
     return found

@@ -133,7 +133,6 @@ class Attachment:
     stepped: bool = False
     shown: bool = False
     share: str | None = None
-    weight: Callable[[Mapping[str, float]], float] | None = None
     noise_driven: bool = False
     credible: Callable[[Mapping[str, float]], str] = lambda values: ""
     essential: tuple[str, ...] = ()

@@ -9,9 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
-from aeolid.diagnose.hypotheses.parts.modes import RINGS, beyond_rows, highest_hz, on_turbine, swinging
+from aeolid.diagnose.hypotheses.parts.modes import RINGS, beyond_rows, highest_hz, swinging
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
@@ -75,7 +76,7 @@ def carried_masses(site: Site) -> list[Attachment]:
 
 def _read_at(motion: Motion, site: Site) -> tuple[str, ...]:
     """Return the outputs that read a motion; none on a turbine, and none of states in discrete time."""
-    if on_turbine(site):
+    if is_turbine(site.context):
         return ()
     if site.linear is not None:
         return (motion.shown_by,)

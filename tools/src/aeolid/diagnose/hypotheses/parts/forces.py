@@ -63,7 +63,10 @@ def with_travel(site: Site) -> list[tuple[int, Motion]]:
 def per(motion: Motion, power: int, *, velocity: bool = False) -> str:
     """Return the unit of a force over the motion's position (or velocity) to a power."""
     base = motion.position_unit or "1"
-    below = f"({base}/s)" if velocity else base
+    if velocity:  # of what goes so many rpm s, the velocity is in rpm
+        below = base.removesuffix(" s") if base.endswith(" s") else f"({base}/s)"
+    else:
+        below = f"({base})" if " " in base else base
     return f"{motion.force_unit or '1'}/{below}" + (f"^{power}" if power > 1 else "")
 
 
@@ -97,6 +100,12 @@ def time_channel(site: Site) -> tuple[Exogenous, float, float] | None:
     return None
 
 
-def say(text: str) -> Callable[[Mapping[str, float]], str]:
-    """Return a statement from a format string over the reported values."""
-    return lambda values: text.format(**values)
+def say(text: str, **names: str) -> Callable[[Mapping[str, float]], str]:
+    """Return a statement from a format string over the reported values and names.
+
+    What a user wrote (channels, units) comes in as `names`: braces in it are text, not fields.
+
+    >>> say("{k:.2g} {unit} at {at}", unit="N/m^{2}", at="input:v{1}")({"k": 2.5})
+    '2.5 N/m^{2} at input:v{1}'
+    """
+    return lambda values: text.format(**names, **values)

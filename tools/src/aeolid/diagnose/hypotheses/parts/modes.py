@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import Setting
 from aeolid.diagnose.rules import in_force
@@ -54,14 +55,9 @@ def most_damping(kind: Kind | None) -> float:
     return RINGS if kind is None else kind.most_damping
 
 
-def on_turbine(site: Site) -> bool:
-    """Tell whether the case says that the machine is a turbine."""
-    return str(site.context.get("machine", "")).lower().replace("_", " ") in ("wind turbine", "turbine")
-
-
 def kind_of(name: str, site: Site) -> Kind | None:
     """Return which mode of a turbine an output of this name shows; None on other machines and for other names."""
-    if not on_turbine(site):
+    if not is_turbine(site.context):
         return None
     return next((k for k in KINDS if re.search(k.pattern, name.lower())), None)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.models.equations import Equations, InputFilter, Parameter
@@ -19,7 +20,7 @@ def pitch_inputs(site: Site) -> list[int]:
     return [
         i
         for i, n in enumerate(site.input_names)
-        if rotor.is_turbine(site) and rotor.looks_like("pitch", n) and (not units[i] or units[i] in _ANGLES)
+        if is_turbine(site.context) and rotor.looks_like("pitch", n) and (not units[i] or units[i] in _ANGLES)
     ]
 
 

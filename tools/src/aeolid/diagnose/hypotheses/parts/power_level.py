@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.structure.anatomy import Motion
@@ -25,7 +26,7 @@ def scaled(
 
     most: the largest that is believed, up or down.
     """
-    if not rotor.is_turbine(site) or site.linear is not None:
+    if not is_turbine(site.context) or site.linear is not None:
         return []
     found = [(m, aerodynamic(site, m, kind)) for kind in kinds for m in [_motion(site, kind)] if m is not None]
     forces = [(m, tree) for m, tree in found if tree is not None]

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
+from aeolid.diagnose.data.machine import blades_of
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.diagnose.structure.baseline import FELT
 from aeolid.models import expressions as ex
+from aeolid.models.angles import radians_a_unit
 from aeolid.models.equations import Auxiliary, Equations, Parameter
 
 Array = NDArray[np.float64]
@@ -46,15 +48,9 @@ class Place:
     add: Callable[[Equations, ast.expr, str], Equations]
 
 
-def is_turbine(site: Site) -> bool:
-    """Tell whether the case says that the machine is a wind turbine."""
-    return "turbine" in str(site.context.get("machine", "")).lower()
-
-
 def blades(site: Site) -> int:
     """Return the number of blades, 3 where the case does not say."""
-    count = site.context.get("blades", 3)
-    return count if isinstance(count, int) and 1 <= count <= 6 else 3
+    return blades_of(site.context)
 
 
 def looks_like(kind: str, name: str, unit: str = "") -> bool:
@@ -83,14 +79,6 @@ def samples(site: Site, channel: Exogenous) -> Array:
 
 def _radians(site: Site, channel: Exogenous) -> float:
     return radians_a_unit(channel.unit, samples(site, channel))
-
-
-def radians_a_unit(unit: str, values: Array) -> float:
-    """Return rad a unit of an angle: by the unit, else by the range (more than two turns in rad must be degrees)."""
-    unit = unit.strip().lower()
-    if unit in ("rad", "deg", "degree", "degrees", "°"):
-        return 1.0 if unit == "rad" else math.pi / 180
-    return math.pi / 180 if float(np.ptp(values)) > 4 * math.pi else 1.0
 
 
 def turning(site: Site) -> float:

@@ -44,8 +44,9 @@ def changes(site: Site, motion: Motion, number: int, what: Coefficient) -> list[
         grid=tuple({at: first + share * span} for share in _TIMES),
         equation=f"F = -{what.label}*{what.words} from time_s on, at {motion.location}",
         statement=say(
-            f"the {what.words.split('*')[0]} at {motion.location} changes by {{{what.label}:.3g}} {what.unit} at"
-            " {time_s:.4g} s; the model has it constant"
+            f"the {{what}} at {{at}} changes by {{{what.label}:.3g}} {{unit}} at {{time_s:.4g}} s; the model has it"
+            " constant",
+            what=what.words.split("*")[0], at=motion.location, unit=what.unit,
         ),
     )  # fmt: skip
     drifting = force_on(
@@ -54,8 +55,8 @@ def changes(site: Site, motion: Motion, number: int, what: Coefficient) -> list[
         f"-{drift}*(({channel.symbol} - {first!r})/{span!r})*{what.term}", kind="_drift",
         equation=f"F = -{what.label}_over_fit*((t - {first:.6g} s)/{span:.6g} s)*{what.words}, at {motion.location}",
         statement=say(
-            f"the {what.words.split('*')[0]} at {motion.location} drifts: by {{{what.label}_over_fit:.3g}} {what.unit}"
-            f" in {span:.4g} s; the model has it constant"
+            f"the {{what}} at {{at}} drifts: by {{{what.label}_over_fit:.3g}} {{unit}} in {span:.4g} s; the model has"
+            " it constant", what=what.words.split("*")[0], at=motion.location, unit=what.unit,
         ),
     )  # fmt: skip
     return [stepped, drifting]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import operator
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.data.exogenous import Exogenous
+from aeolid.diagnose.data.exogenous import Exogenous, identifiers
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, LEAST_MODULUS, in_digits
@@ -71,7 +70,7 @@ def _on(
     site: Site, entry: str, channel: tuple[str, str], values: Array, places: list[Entrance], says: str, kind: str = ""
 ) -> Attachment:  # fmt: skip
     (name, symbol), mean, spread = channel, float(np.nanmean(values)), float(np.nanstd(values))
-    tag = re.sub(r"\W", "_", name + kind)
+    tag = identifiers([*site.input_names, *(c.name for c in site.exogenous)])[name] + kind.replace(" ", "_")
     scales = [p.size / spread for p in places]  # slots of order one: the places differ by units
     slots = [
         Slot(
