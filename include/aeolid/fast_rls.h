@@ -92,12 +92,12 @@ extern "C" {
      2u * (size_t)(l) + AEO_WATCH_WORDS(l))
 #define AEO_FAST_RLS_WORDS(p, m, d, l)                                                                                 \
     (AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + 2u * AEO_FAST_RLS_LENGTH(p, m, d) + 3u * (size_t)(m))
-#define AEO_FAST_RLS_SAVED_HEAD 50u
+#define AEO_FAST_RLS_SAVED_HEAD 52u
 #define AEO_FAST_RLS_SAVED_WORDS(p, m, d, l)                                                                           \
     (AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_FAST_RLS_SAVED_VERSION 3
+#define AEO_FAST_RLS_SAVED_VERSION 4
 
 /* Health flags; once set they stay until aeo_fast_rls_clear_health. Bits 2 and 4 mean what they mean in rls.h. */
 #define AEO_FAST_RLS_BOUNDED       2u   /* a variance met its bound: some direction is not excited */
