@@ -30,7 +30,8 @@
  *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
  *   stack: 248 bytes (restore; a step 232). Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to
- *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED.
+ *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED. With
+ *   aeo_els_update alone two gaps that lie one update apart raise it, too: the filter sees the regressors, not the calls.
  */
 #ifndef AEOLID_ELS_H
 #define AEOLID_ELS_H

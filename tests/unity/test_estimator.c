@@ -66,6 +66,25 @@ static aeo_model_set_t first_set(unsigned m)
     return m == (unsigned)AEO_METHOD_ELS ? AEO_VARMAX : AEO_VARX;
 }
 
+/* An estimator feeds back what is due: samples lost, one in ten, are no forgotten feedback. */
+static void lost_samples_are_no_forgotten_feedback(void)
+{
+    const aeo_estimator_config_t config = describe(AEO_VARMAX);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, aeo_estimator_els, &config, memory, WORDS));
+    for (unsigned k = 0; k < 20000u; k++) {
+        take_one(k);
+        const aeo_real_t good = now_y[0];
+        if (draw(&seed) < -0.8) {
+            now_y[0] = make_not_finite(0);
+        }
+        (void)aeo_estimator_take(&one, now_u, now_y, (uint64_t)k * PERIOD);
+        now_y[0] = good;
+    }
+    TEST_ASSERT_TRUE(aeo_estimator_count(&one, AEO_COUNT_UPDATES) > 1000u);
+    TEST_ASSERT_EQUAL_UINT32(0, one.of.els.count.unfed);
+    TEST_ASSERT_EQUAL_HEX32(0, aeo_estimator_health(&one) & AEO_ELS_UNFED);
+}
+
 /* ---- the same as by hand ------------------------------------------------------------------------------------------- */
 
 static void rls_is_what_it_is_by_hand(void)
@@ -566,6 +585,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(rls_is_what_it_is_by_hand);
+    RUN_TEST(lost_samples_are_no_forgotten_feedback);
     RUN_TEST(every_method_predicts);
     RUN_TEST(words_are_those_of_the_macros);
     RUN_TEST(a_refused_description_leaves_every_byte);
