@@ -200,7 +200,8 @@ aeo_status_t aeo_estimator_announce(const aeo_estimator_t *self, aeo_stream_t *s
 
 /* Take sample `index` as aeo_estimator_take does and send it, with its innovation when the stream has innovations, and
  * health for the frames to come; s: scheduling channels, null when there are none. Returns what take returns: what did
- * not get on the bus is in the stream's counters. Then call aeo_stream_step. */
+ * not get on the bus is in the stream's counters. AEO_E_ARG also for a null stream, and for a null s where the stream has
+ * scheduling channels; nothing is taken then. Then call aeo_stream_step. */
 aeo_status_t aeo_estimator_send(aeo_estimator_t *self, aeo_stream_t *stream, uint32_t index, const aeo_real_t *u,
                                 const aeo_real_t *y, const aeo_real_t *s, uint64_t time_us);
 
