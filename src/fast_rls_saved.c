@@ -19,7 +19,9 @@ static void copy_numbers(const aeo_fast_rls_t *self, uint32_t numbers[NUMBERS])
     numbers[AGES] = self->array[0].age;
     numbers[AGES + 1] = self->array[1].age;
     numbers[RISES] = 0u;
-    for (aeo_real_t rho = self->config.regularisation; rho < self->regularisation; rho *= AEO_REAL(16)) { /* exact */
+    aeo_real_t rho = self->config.regularisation;
+    while (rho < self->regularisation) {
+        rho *= AEO_REAL(16); /* exact */
         numbers[RISES]++;
     }
 }
