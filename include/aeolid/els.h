@@ -159,8 +159,8 @@ aeo_status_t aeo_els_read(const aeo_els_t *self, aeo_real_t *theta, size_t lengt
 const aeo_real_t *aeo_els_innovation(const aeo_els_t *self);
 
 /* Return the a posteriori residual e_k = y_k - theta_k z_k, l values, uncut; zeros before the first update. After
- * a fall-back theta is already that of the new start and the residual still that of the old, zeros where theta had
- * passed 1e6. */
+ * a fall-back theta is already that of the new start and the residual still that of the old; where theta ran away, it
+ * is that of the first sample of rls.h's fresh start. */
 const aeo_real_t *aeo_els_residual(const aeo_els_t *self);
 
 /* Return the sticky health flags, those of rls.h among them, 0 when all is well; the counters are in self->count and

@@ -188,7 +188,7 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
 /* Absorb one sample: z (n values, read) and y (l values, read), scaled; neither may lie in self's memory. Each z is the
  * one before moved by one block; one that is not starts window and arrays afresh (AEO_FAST_RLS_RESTARTED), keeps theta,
  * and lets it wait until the arrays have absorbed half as many samples as before the break, at most a tenth of a
- * memory.
+ * memory and at most 4 n.
  * AEO_OK: theta, innovation and residual are those of this sample. AEO_E_NOT_FINITE, AEO_E_RANGE (a value beyond 1e6):
  * nothing changed but count.rejected. AEO_E_ARG: null pointer, nothing changed. */
 aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y);

@@ -27,8 +27,8 @@
  * CONTRACT
  *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4,
  *   n = 44.
- *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 456 bytes (64-bit
- *   pointers), 208 of them messages and frame under way, so that no call chain needs them on the stack.
+ *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 464 bytes (64-bit
+ *   pointers; double 480), 208 of them messages and frame under way, so that no call chain needs them on the stack.
  *   Instructions, measured on x86-64 at -O2: sample 550 a frame, the seal among them, on CAN FD 320 a channel; snapshot
  *   80 N; step at most `burst` frames of 560 (CAN FD 1900), a repair frame 19 min(N, 256) more (CAN FD 72 min(B, 256)).
  *   Worst stack on Cortex-M4F, the port's own aside: init 228 bytes, sample 192, step 136. Deterministic. Never blocks,
