@@ -1,4 +1,4 @@
-"""Gate: the RAM of a filter is its structure and its words, counted in a linked image; headers state sizes as they are."""
+"""Gate: the RAM of a filter is its structure and its words, counted in a linked image; sizes in headers hold."""
 
 import subprocess
 import sys
