@@ -158,7 +158,7 @@ static void fall_back(aeo_els_t *self)
 }
 
 /* The newest e in z is what the last update gave to be fed back, or, right after a gap, 0. Two misses running are no
- * gap. */
+ * gap, unless the first was fed back to: then it is forgotten (aeo_els_step, estimator_els.c). */
 static void notice_unfed(aeo_els_t *self, const aeo_real_t *z)
 {
     const size_t l = self->config.outputs;
@@ -286,7 +286,11 @@ aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo
     const uint32_t starts = count_starts(self);
     const aeo_real_t *z = aeo_regressor_z(regressor), *now = aeo_regressor_y(regressor);
     status = attend(self, z, now, starts, aeo_rls_update(&self->rls, z, now));
-    return status == AEO_OK ? aeo_regressor_set_innovation(regressor, self->feedback) : status;
+    if (status != AEO_OK) {
+        return status;
+    }
+    self->missed = 0u; /* for what is due is always taken: it is at most 1e6, and regressor fits */
+    return aeo_regressor_set_innovation(regressor, self->feedback);
 }
 
 const aeo_real_t *aeo_els_feedback(const aeo_els_t *self)

@@ -33,7 +33,11 @@ static aeo_status_t init(aeo_estimator_t *self, const aeo_estimator_config_t *co
 
 static aeo_status_t update(aeo_estimator_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    return aeo_els_update(&self->of.els, z, y);
+    const aeo_status_t status = aeo_els_update(&self->of.els, z, y);
+    if (status == AEO_OK) {
+        self->of.els.missed = 0u; /* aeo_estimator_take feeds back what is due, which is always taken: at most 1e6 */
+    }
+    return status;
 }
 
 static const aeo_real_t *theta(aeo_estimator_t *self)

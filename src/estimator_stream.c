@@ -40,16 +40,19 @@ aeo_status_t aeo_estimator_send(aeo_estimator_t *self, aeo_stream_t *stream, uin
     static const aeo_counter_t told[AEO_STREAM_COUNTERS] = {
         AEO_COUNT_SAMPLES,  AEO_COUNT_NOT_FINITE, AEO_COUNT_RANGE,         AEO_COUNT_TIME,    AEO_COUNT_GAPS,
         AEO_COUNT_WITHHELD, AEO_COUNT_BOUNDED,    AEO_COUNT_REINITIALISED, AEO_COUNT_RELEASED};
-    const aeo_status_t status = aeo_estimator_take(self, u, y, time_us);
-    if (status == AEO_E_ARG || stream == NULL) {
+    if (stream == NULL || (s == NULL && stream->config.scheduling > 0u)) {
         return AEO_E_ARG;
+    }
+    const aeo_status_t status = aeo_estimator_take(self, u, y, time_us);
+    if (status == AEO_E_ARG) {
+        return status;
     }
     if (status == AEO_OK) {
         (void)aeo_stream_innovation(stream, index, aeo_estimator_innovation(self));
     }
     (void)aeo_stream_sample(stream, index, u, y, s);
-    (void)aeo_stream_health(stream, aeo_estimator_health(self), NULL, 0);
-    aeo_stream_lock(stream); /* the counters go straight to their place: an array of them is deep on a small stack */
+    aeo_stream_lock(stream); /* all goes straight to its place: an array of counters is deep on a small stack */
+    stream->flags = (uint16_t)(aeo_estimator_health(self) & 0x7FFFu);
     for (unsigned i = 0; i < AEO_STREAM_COUNTERS; i++) {
         stream->counter[i] = aeo_estimator_count(self, told[i]);
     }

@@ -7,14 +7,23 @@
 
 #include <string.h>
 
-/* Places of the numbers saved: those that lie side by side from random to watch, then the arrays' ages. */
-enum { RANDOM, FILLED, ACTIVE, WATCH = 13, AGES = WATCH + 5, NUMBERS = AGES + 2, SIZES = 5 };
+/* Places of the numbers saved: those that lie side by side from random to watch, the arrays' ages, how often rho has
+ * risen. */
+enum { RANDOM, FILLED, ACTIVE, WATCH = 13, AGES = WATCH + 5, RISES = AGES + 2, NUMBERS, SIZES = 5 };
+
+#define RISES_MAX 4u /* REGULARISATION_RISE of fast_rls.c is 16^4 */
 
 static void copy_numbers(const aeo_fast_rls_t *self, uint32_t numbers[NUMBERS])
 {
     memcpy(numbers, (const unsigned char *)self + offsetof(aeo_fast_rls_t, random), AGES * sizeof *numbers);
     numbers[AGES] = self->array[0].age;
     numbers[AGES + 1] = self->array[1].age;
+    numbers[RISES] = 0u;
+    aeo_real_t rho = self->config.regularisation;
+    while (rho < self->regularisation) {
+        rho *= AEO_REAL(16); /* exact */
+        numbers[RISES]++;
+    }
 }
 
 static size_t count_kept(const aeo_fast_rls_t *self)
@@ -23,7 +32,7 @@ static size_t count_kept(const aeo_fast_rls_t *self)
 }
 
 /* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; random, filled, active, health,
- * counters, hold, watch, ages; then arrays, theta, window, innovation, residual and the watch's words as they lie in
+ * counters, hold, watch, ages, rises of rho; then arrays, theta, window, innovation, residual and the watch's words as they lie in
  * memory (saved.h). */
 static void describe(const aeo_fast_rls_t *self, uint16_t sizes[SIZES], aeo_saved_form_t *form)
 {
@@ -76,6 +85,7 @@ static int numbers_hold(const aeo_fast_rls_t *self, const uint32_t numbers[NUMBE
     aeo_watch_t watch;
     memcpy(&watch, numbers + WATCH, sizeof watch);
     return numbers[RANDOM] != 0u && numbers[FILLED] <= self->config.past + 1u && numbers[ACTIVE] <= 1u &&
+           numbers[RISES] <= RISES_MAX &&
            aeo_watch_holds(&watch, words + (self->watched - self->array[0].forward), self->config.outputs);
 }
 
@@ -99,6 +109,10 @@ aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved,
     memcpy((unsigned char *)self + offsetof(aeo_fast_rls_t, random), numbers, AGES * sizeof *numbers);
     self->array[0].age = numbers[AGES];
     self->array[1].age = numbers[AGES + 1];
+    self->regularisation = self->config.regularisation;
+    for (uint32_t rises = numbers[RISES]; rises > 0u; rises--) {
+        self->regularisation *= AEO_REAL(16);
+    }
     memcpy(self->array[0].forward, body, count_kept(self) * sizeof *body);
     return AEO_OK;
 }

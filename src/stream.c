@@ -113,38 +113,41 @@ void aeo_stream_reset(aeo_stream_t *self)
 
 /* ---- what the control task brings -------------------------------------------------------------------------------- */
 
-/* The copy is made without the lock: while the phase is idle the step reads nothing that is written here. */
-aeo_status_t aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta)
+/* Move on to `phase` and return AEO_OK, unless a snapshot is under way or the end is announced: that is counted. */
+static aeo_status_t go_on(aeo_stream_t *self, phase_t phase)
 {
-    uint32_t i, crc;
-    int idle;
-    if (self == NULL || theta == NULL) {
-        return AEO_E_ARG;
-    }
     aeo_stream_lock(self);
-    idle = self->phase == PHASE_IDLE;
-    if (!idle) {
+    const int idle = self->phase == PHASE_IDLE && self->finishing == 0u;
+    if (idle) {
+        self->phase = (uint8_t)phase;
+    } else {
         aeo_count_up(&self->counters.busy);
     }
     aeo_stream_unlock(self);
-    if (!idle) {
+    return idle ? AEO_OK : AEO_E_BUSY;
+}
+
+/* The copy is made without the lock: an idle step reads nothing written here. Meanwhile the end may be announced. */
+aeo_status_t aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta)
+{
+    if (self == NULL || theta == NULL) {
+        return AEO_E_ARG;
+    }
+    if (go_on(self, PHASE_IDLE) != AEO_OK) {
         return AEO_E_BUSY;
     }
     self->number = (uint8_t)((self->number + 1u) & 0xFFu);
     self->taken_index = index;
-    crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), self->number | ((self->config.parameters - 1u) << 8) |
-                                                    ((uint32_t)self->config.address.node << 24));
+    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), self->number | ((self->config.parameters - 1u) << 8) |
+                                                             ((uint32_t)self->config.address.node << 24));
     crc = aeo_frame_crc32(crc, index);
-    for (i = 0; i < self->config.parameters; i++) {
+    for (uint32_t i = 0; i < self->config.parameters; i++) {
         self->theta[i] = aeo_float_bits(theta[i]);
         crc = aeo_frame_crc32(crc, self->theta[i]);
     }
     self->crc = ~crc;
-    aeo_stream_lock(self);
-    self->phase = PHASE_BEGIN;
     self->cursor = 0;
-    aeo_stream_unlock(self);
-    return AEO_OK;
+    return go_on(self, PHASE_BEGIN);
 }
 
 aeo_status_t aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count)
@@ -250,8 +253,8 @@ static origin_t choose(aeo_stream_t *self)
     const int due = self->describing != 0u && (self->phase == PHASE_IDLE || self->turn >= DESCRIPTION_TURN - 1u);
     memset(message, 0, sizeof *message);
     message->count = 1;
-    if (self->finishing != 0u && self->farewells == 0u && self->phase == PHASE_IDLE) {
-        return FROM_NOTHING; /* it has said that it stopped */
+    if (aeo_stream_has_ended(self)) {
+        return FROM_NOTHING;
     }
     if (self->described != 0u && self->health_in == 0u &&
         (self->phase == PHASE_IDLE || self->health_turn >= HEALTH_TURN - 1u)) {

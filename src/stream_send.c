@@ -34,6 +34,12 @@ uint32_t aeo_stream_cost_us(const aeo_stream_config_t *config, unsigned length)
     return (bits * 1000000u + config->bits_per_s - 1u) / config->bits_per_s;
 }
 
+/* Closing frames leave between snapshots, and none begins once the end is announced. */
+int aeo_stream_has_ended(const aeo_stream_t *self)
+{
+    return self->finishing != 0u && self->farewells == 0u;
+}
+
 /* The address was checked at init and kinds and counts are ours, so packing cannot fail. */
 int aeo_stream_send(aeo_stream_t *self)
 {

@@ -23,11 +23,11 @@ static uint32_t take_bits(const values_t *values, unsigned at)
 }
 
 /* Offer the message under way at once; deeper in debt than two samples of the most channels it is dropped, so that the
- * average keeps within the budget even when samples come faster than declared. */
+ * average keeps within the budget even when samples come faster than declared. After the closing frames, too. */
 static int send_now(aeo_stream_t *self)
 {
     const int32_t deepest = -(int32_t)(2u * AEO_STREAM_CHANNELS_MAX * self->frame_us); /* >= -1.28e8 */
-    const int taken = self->credit_us >= deepest && aeo_stream_send(self);
+    const int taken = !aeo_stream_has_ended(self) && self->credit_us >= deepest && aeo_stream_send(self);
     if (!taken) {
         aeo_count_up(&self->counters.dropped);
     }

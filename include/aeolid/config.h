@@ -33,11 +33,16 @@
 #endif
 
 #include <float.h>
+#include <limits.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #if FLT_RADIX != 2 || FLT_MANT_DIG != 24
 #error "aeolid needs IEEE 754 binary32 for float: samples are checked on their bit pattern"
+#endif
+
+#if SIZE_MAX < 0xFFFFFFFF || UINT_MAX < 0xFFFFFFFF
+#error "aeolid needs integers and sizes of 32 bits: with 16 the sizes of its arrays wrap"
 #endif
 
 #ifdef AEO_REAL_DOUBLE

@@ -30,7 +30,8 @@
  *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
  *   stack: 248 bytes (restore; a step 232). Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to
- *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED.
+ *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED. With
+ *   aeo_els_update alone two gaps that lie one update apart raise it, too: the filter sees the regressors, not the calls.
  */
 #ifndef AEOLID_ELS_H
 #define AEOLID_ELS_H
@@ -158,8 +159,8 @@ aeo_status_t aeo_els_read(const aeo_els_t *self, aeo_real_t *theta, size_t lengt
 const aeo_real_t *aeo_els_innovation(const aeo_els_t *self);
 
 /* Return the a posteriori residual e_k = y_k - theta_k z_k, l values, uncut; zeros before the first update. After
- * a fall-back theta is already that of the new start and the residual still that of the old, zeros where theta had
- * passed 1e6. */
+ * a fall-back theta is already that of the new start and the residual still that of the old; where theta ran away, it
+ * is that of the first sample of rls.h's fresh start. */
 const aeo_real_t *aeo_els_residual(const aeo_els_t *self);
 
 /* Return the sticky health flags, those of rls.h among them, 0 when all is well; the counters are in self->count and

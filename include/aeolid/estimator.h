@@ -8,8 +8,8 @@
  *
  * CONTRACT
  *   Memory: AEO_ESTIMATOR_RLS_WORDS(r, l, p, e, d) words of aeo_real_t from the caller and the like for the other
- *   methods, d inputs in the feedthrough mask, e = 1 for VARMAX. r=2, l=3, p=10, d=0: rls 1,676 words (6.7 kB in float),
- *   els with e=1 3,983 words. The structure holds the state of any filter: 664 bytes (64-bit pointers).
+ *   methods, d inputs in the feedthrough mask, e = 1 for VARMAX. r=2, l=3, p=10, d=0: rls 1,866 words (7.5 kB in float),
+ *   els with e=1 4,140 words. The structure holds the state of any filter: 640 bytes (64-bit pointers; double 712).
  *   Operations: those of the regressor's push and of the filter's update. Worst stack: 56 bytes beyond the filter's.
  *   Determinism, long runs: as regressor and filter.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent.
@@ -200,7 +200,8 @@ aeo_status_t aeo_estimator_announce(const aeo_estimator_t *self, aeo_stream_t *s
 
 /* Take sample `index` as aeo_estimator_take does and send it, with its innovation when the stream has innovations, and
  * health for the frames to come; s: scheduling channels, null when there are none. Returns what take returns: what did
- * not get on the bus is in the stream's counters. Then call aeo_stream_step. */
+ * not get on the bus is in the stream's counters. AEO_E_ARG also for a null stream, and for a null s where the stream has
+ * scheduling channels; nothing is taken then. Then call aeo_stream_step. */
 aeo_status_t aeo_estimator_send(aeo_estimator_t *self, aeo_stream_t *stream, uint32_t index, const aeo_real_t *u,
                                 const aeo_real_t *y, const aeo_real_t *s, uint64_t time_us);
 

@@ -92,12 +92,12 @@ extern "C" {
      2u * (size_t)(l) + AEO_WATCH_WORDS(l))
 #define AEO_FAST_RLS_WORDS(p, m, d, l)                                                                                 \
     (AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + 2u * AEO_FAST_RLS_LENGTH(p, m, d) + 3u * (size_t)(m))
-#define AEO_FAST_RLS_SAVED_HEAD 50u
+#define AEO_FAST_RLS_SAVED_HEAD 52u
 #define AEO_FAST_RLS_SAVED_WORDS(p, m, d, l)                                                                           \
     (AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_FAST_RLS_SAVED_VERSION 3
+#define AEO_FAST_RLS_SAVED_VERSION 4
 
 /* Health flags; once set they stay until aeo_fast_rls_clear_health. Bits 2 and 4 mean what they mean in rls.h. */
 #define AEO_FAST_RLS_BOUNDED       2u   /* a variance met its bound: some direction is not excited */
@@ -188,7 +188,7 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
 /* Absorb one sample: z (n values, read) and y (l values, read), scaled; neither may lie in self's memory. Each z is the
  * one before moved by one block; one that is not starts window and arrays afresh (AEO_FAST_RLS_RESTARTED), keeps theta,
  * and lets it wait until the arrays have absorbed half as many samples as before the break, at most a tenth of a
- * memory.
+ * memory and at most 4 n.
  * AEO_OK: theta, innovation and residual are those of this sample. AEO_E_NOT_FINITE, AEO_E_RANGE (a value beyond 1e6):
  * nothing changed but count.rejected. AEO_E_ARG: null pointer, nothing changed. */
 aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y);

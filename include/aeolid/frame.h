@@ -51,7 +51,7 @@
  *   AEO_ADDRESS_FORCED says that the bus has no such devices; aeo_frame_unpack reads at any.
  *
  * CONTRACT
- *   Memory: none beyond the arguments. Constant tables 96 bytes. About 500 instructions a classic frame, 370 and 100 a
+ *   Memory: none beyond the arguments. Constant tables 128 bytes. About 500 instructions a classic frame, 370 and 100 a
  *   value a CAN FD frame. Stack 56 bytes (Cortex-M4F).
  *   Deterministic; thread and interrupt rule: all functions are pure and may be called from anywhere.
  */

@@ -27,8 +27,8 @@
  * CONTRACT
  *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4,
  *   n = 44.
- *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 456 bytes (64-bit
- *   pointers), 208 of them messages and frame under way, so that no call chain needs them on the stack.
+ *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 464 bytes (64-bit
+ *   pointers; double 480), 208 of them messages and frame under way, so that no call chain needs them on the stack.
  *   Instructions, measured on x86-64 at -O2: sample 550 a frame, the seal among them, on CAN FD 320 a channel; snapshot
  *   80 N; step at most `burst` frames of 560 (CAN FD 1900), a repair frame 19 min(N, 256) more (CAN FD 72 min(B, 256)).
  *   Worst stack on Cortex-M4F, the port's own aside: init 228 bytes, sample 192, step 136. Deterministic. Never blocks,
@@ -168,11 +168,11 @@ typedef struct {
 
 /* Never decrease; stay at 2^32 - 1. */
 typedef struct {
-    uint32_t sent;      /* frames the port took */
-    uint32_t refused;   /* frames the port refused that are offered again */
-    uint32_t dropped;   /* sample, innovation and seal frames lost: refused by the port, or debt too deep */
+    uint32_t sent;    /* frames the port took */
+    uint32_t refused; /* frames the port refused that are offered again */
+    uint32_t dropped; /* sample, innovation and seal frames lost: refused by the port, debt too deep, or the end said */
     uint32_t snapshots; /* snapshots sent to their last frame */
-    uint32_t busy;      /* snapshots not taken because the one before was still being sent */
+    uint32_t busy;      /* snapshots not taken: the one before was still being sent, or the end announced */
 } aeo_stream_counters_t;
 
 /* Private but readable in a debugger. */
@@ -246,7 +246,8 @@ aeo_status_t aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_rea
 aeo_status_t aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e);
 
 /* Copy theta (parameters values: l x n by rows) as binary32 and begin to send it; `index` is the last sample in it.
- * Call between two updates. AEO_E_ARG: null pointer. AEO_E_BUSY: nothing is changed but counters.busy. */
+ * Call between two updates. AEO_E_ARG: null pointer. AEO_E_BUSY: the one before is under way or the end is announced;
+ * nothing is changed but counters.busy. */
 aeo_status_t aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta);
 
 /* Keep flags (bits 0 ... 14) and `count` counters (0 ... AEO_STREAM_COUNTERS) for the health frames to come.
@@ -261,7 +262,8 @@ int aeo_stream_step(aeo_stream_t *self);
  * declared and step is called once a sample time: the formula is in budget.h of the sources. 0 for a null pointer. */
 uint32_t aeo_stream_snapshot_steps(const aeo_stream_t *self);
 
-/* Announce the end: after the snapshot under way, closing health frames say that the node stops on purpose. */
+/* Announce the end: after the snapshot under way, the last, closing health frames say that the node stops on purpose.
+ * Samples leave until then; afterwards they are refused, until a reset. */
 void aeo_stream_finish(aeo_stream_t *self);
 
 /* Return 1 while first description, snapshot or closing frames are still to be sent, else 0. */

@@ -6,7 +6,7 @@
  *   the first of _2, _3 … _9999 that is free, unless the settings say `overwrite = yes`.
  *
  * CONTRACT
- *   Memory: the structure; for tcp and pty posix_bus_t besides (1 MB), allocated by bus_open. send, service: never
+ *   Memory: the structure; for tcp and pty posix_bus_t besides (4.2 MB), allocated by bus_open. send, service: never
  *   block. A CAN interface that was taken away and comes back is bound anew within bus_service, which may then wait for
  *   the kernel.
  */

@@ -57,7 +57,7 @@ typedef struct {
     tap_role_t role;
     record_source_t source;
     uint16_t record;
-    float offset, scale, minimum, maximum; /* minimum > maximum: no range */
+    float offset, scale, minimum, maximum; /* -3e38 and 3e38: no range */
 } tap_t;
 
 typedef enum { BUS_NONE, BUS_TCP, BUS_PTY, BUS_CAN, BUS_FILE } bus_kind_t;

@@ -23,8 +23,8 @@
  *   A failed access to message RAM puts the controller into a mode that does not send; the interrupt takes it out.
  *
  * CONTRACT
- *   Memory: the structure, AEO_FDCAN_RING frames of 72 bytes and 90. No heap, no vendor's library. Never blocks; init waits
- *   for the controller's clock, AEO_FDCAN_TRIES readings at most.
+ *   Memory: the structure, AEO_FDCAN_RING frames of 72 bytes and 64 more, or 88 (64-bit pointers). No heap, no vendor's
+ *   library. Never blocks; init waits for the controller's clock, AEO_FDCAN_TRIES readings at most.
  *   Clock of the peripheral, pins, transceiver and the interrupt's number and urgency are the program's own business.
  *   Threads and interrupts: send may be called from any context, also above the interrupt: it masks interrupts
  *   (AEO_FDCAN_MASK) while it moves one frame, as serve does. lock and unlock keep them masked while the streamer makes a

@@ -155,6 +155,17 @@ int aeo_claim_step(aeo_claim_t *self, uint32_t now_us, aeo_can_frame_t *frame)
     return 1;
 }
 
+void aeo_claim_refused(aeo_claim_t *self)
+{
+    if (self == NULL) {
+        return;
+    }
+    self->owes = 1;
+    if (self->state == (uint8_t)AEO_CLAIM_WAITING) {
+        self->announced = 0; /* the wait begins when a claim leaves */
+    }
+}
+
 int aeo_claim_address(const aeo_claim_t *self)
 {
     return self != NULL && self->state == (uint8_t)AEO_CLAIM_HELD ? self->address : -1;

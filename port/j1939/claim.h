@@ -12,8 +12,13 @@
  *
  *     aeo_claim_start(&claim, &config, now_us);
  *     aeo_claim_port(&claim, &can_port, &port);
- *     for each frame that arrives: aeo_claim_receive(&claim, &frame);
- *     every few milliseconds:      while (aeo_claim_step(&claim, now_us, &frame)) { send it on the bus }
+ *     for each frame that arrives: aeo_claim_receive(&claim, &frame, now_us);
+ *     every few milliseconds:      while (aeo_claim_step(&claim, now_us, &frame)) {
+ *                                      if (!can_port.send(can_port.context, &frame)) {
+ *                                          aeo_claim_refused(&claim);
+ *                                          break;
+ *                                      }
+ *                                  }
  *                                  if (aeo_claim_address(&claim) >= 0 && it is not the stream's) {
  *                                      wire.address.node = (uint8_t)aeo_claim_address(&claim);
  *                                      aeo_stream_init(&stream, &wire, &port, memory, words);
@@ -21,6 +26,8 @@
  *
  *   Source: SAE J1939-81 (2017), 4.2 to 4.5. Deviations: the 250 ms are waited for with every address, also where the
  *   standard lets one send at once; commanded address (PGN 65240) is not obeyed.
+ *   Limit: the port judges a frame when it is sent. Frames that a driver's queue or mailboxes have taken by then still
+ *   leave with the old address after it is lost; keep that queue short, or empty it where the driver lets you.
  *
  * CONTRACT
  *   Memory: the structure, 104 bytes with 64 bit pointers. No heap. Nothing blocks: each call is a few dozen
@@ -77,8 +84,13 @@ int aeo_claim_start(aeo_claim_t *self, const aeo_claim_config_t *config, uint32_
 /* Heed a frame that has arrived: claims of others, and requests for ours; others are ignored. */
 void aeo_claim_receive(aeo_claim_t *self, const aeo_can_frame_t *frame, uint32_t now_us);
 
-/* Fill in the next frame to send and return 1, or return 0 when there is none. Call every 50 ms or more often. */
+/* Fill in the next frame to send and return 1, or return 0 when there is none. Call every 50 ms or more often. The frame
+ * counts as sent, and a claim's 250 ms begin, unless aeo_claim_refused follows. */
 int aeo_claim_step(aeo_claim_t *self, uint32_t now_us, aeo_can_frame_t *frame);
+
+/* Say that the frame of the last step was not taken by the driver: a later step offers it again, and the 250 ms of a
+ * claim begin when it leaves. Call it before anything else of self; null is ignored. */
+void aeo_claim_refused(aeo_claim_t *self);
 
 /* Return the address that is held, or -1 while there is none. */
 int aeo_claim_address(const aeo_claim_t *self);

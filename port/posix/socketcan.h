@@ -33,7 +33,7 @@ extern "C" {
 #define SOCKETCAN_LOOK_US  50000u   /* poll looks at the interface not more often than this */
 #define SOCKETCAN_REST_US  1000000u /* in bus-off for so long without word of a restart, the interface's flags decide */
 
-/* Never decrease; wrap at 2^32. */
+/* Never decrease; stay at 2^32 - 1. */
 typedef struct {
     uint32_t sent;     /* frames the kernel took */
     uint32_t full;     /* frames refused: the interface's queue or the socket's buffer is full */

@@ -194,6 +194,8 @@ def take_by_platformio() -> None:
     manifest = json.loads((SOURCE / "library.json").read_text("utf-8"))
     build, shipped = manifest["build"], manifest["export"]["include"]
     demand(manifest["version"] == VERSION, "library.json: another version")
+    narrow = {"*", "atmelavr", "atmelmegaavr", "timsp430", "intel_mcs51", "ststm8"}  # which config.h refuses
+    demand(not narrow & set(manifest["platforms"]), "library.json names platforms of 8 or 16 bits")
     demand(all((SOURCE / part).exists() for part in shipped), "library.json exports what is not there")
     found = {
         "SOURCES": [str(p) for p in (SOURCE / build["srcDir"]).glob("*.c")],

@@ -53,11 +53,32 @@ def read_layout(header: Path) -> list[str]:
     return findings
 
 
+def refuse_narrow(directory: Path) -> list[str]:
+    """Pretend that sizes or integers have 16 bits: sizes would wrap, so nothing may be compiled."""
+    findings = []
+    for limit in ("SIZE_MAX", "UINT_MAX"):
+        settings = f"#include <limits.h>\n#include <stdint.h>\n#undef {limit}\n#define {limit} 0xFFFFu\n"
+        (directory / "narrow.h").write_text(settings)
+        narrow = [f"-I{directory}", '-DAEO_CONFIG_HEADER="narrow.h"', f"-I{gate.ROOT / 'include'}"]
+        done = subprocess.run(
+            [*DIALECTS[0], "-fsyntax-only", *narrow, "-"],
+            input='#include "aeolid/config.h"\n',
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if "sizes of 32 bits" not in done.stderr:
+            findings.append(f"config.h: {limit} of 16 bits is not refused")
+    return findings
+
+
 def main() -> None:
     findings, asked = [], sys.argv[2:]
     headers = [h for h in gate.HEADERS if not asked or h.name in asked]
     for header in headers:
         findings += compile_alone(header) + read_layout(header)
+        if header.name == "config.h":
+            findings += refuse_narrow(gate.scratch())
     gate.finish(findings, f"{len(headers)} headers alone in C99, C11, C++11, C++20, both precisions")
 
 

@@ -1,4 +1,4 @@
-"""Gate: the RAM of a filter is its structure and its words, and nothing else: counted in a linked image."""
+"""Gate: the RAM of a filter is its structure and its words, counted in a linked image; sizes in headers hold."""
 
 import subprocess
 import sys
@@ -32,6 +32,17 @@ int main(void)
            aeo_FILTER_update(&filter, z, y);
 }
 """
+# What headers say of sizes with 64-bit pointers: header, what is included, the size, the words about it.
+STATED = [
+    ("include/aeolid/estimator.h", "aeolid/estimator.h", "AEO_ESTIMATOR_RLS_WORDS(2, 3, 10, 0, 0)", "rls {:,} words"),
+    ("include/aeolid/estimator.h", "aeolid/estimator.h", "AEO_ESTIMATOR_ELS_WORDS(2, 3, 10, 0)", "e=1 {:,} words"),
+    ("include/aeolid/estimator.h", "aeolid/estimator.h", "sizeof(aeo_estimator_t)", "any filter: {} bytes"),
+    ("include/aeolid/stream.h", "aeolid/stream.h", "sizeof(aeo_stream_t)", "structure itself {} bytes"),
+    ("port/j1939/claim.h", "claim.h", "sizeof(aeo_claim_t)", "the structure, {} bytes"),
+    ("port/fdcan/fdcan_port.h", "fdcan_port.h", "sizeof(aeo_fdcan_t) - AEO_FDCAN_RING * 72", "{} (64-bit pointers)"),
+    ("port/discon/bus.h", "bus.h", "(sizeof(posix_bus_t) + 50000) / 100000 / 10.0", "({} MB)"),
+    ("port/discon/discon.h", "bus.h", "(sizeof(posix_bus_t) + 50000) / 100000 / 10.0", "pty {} MB more"),
+]
 OURS = {"regressor", "filter", "window", "words"}
 
 
@@ -60,8 +71,32 @@ def measure(name: str, precision: str, directory: Path) -> tuple[list[str], int]
     return findings, sum(used.values())
 
 
+def read_words(header: str) -> str:
+    """Return a header's text on one line, without the stars that begin a comment's lines."""
+    lines = (gate.ROOT / header).read_text().splitlines()
+    return " ".join(" ".join(line.strip().removeprefix("*") for line in lines).split())
+
+
+def judge_stated(directory: Path) -> list[str]:
+    """Measure what headers state; return those that say another figure."""
+    findings = []
+    for header, included, size, words in STATED:
+        program = f'#include <stdio.h>\n#include "{included}"\nint main(void)\n{{\n'
+        program += f'    printf("%.10g", (double)({size}));\n    return 0;\n}}\n'
+        folders = [f"-I{gate.ROOT / part}" for part in ("include", Path(header).parent)]
+        command = ["gcc", "-std=c99", "-D_DEFAULT_SOURCE", *folders, "-x", "c", "-", "-o", "stated"]
+        subprocess.run(command, cwd=directory, input=program, text=True, check=True)
+        found = float(gate.output(directory / "stated"))
+        told = words.format(int(found) if found.is_integer() else found)
+        if told not in read_words(header):
+            findings.append(f"{header} does not say: {told}")
+    return findings
+
+
 def main() -> None:
     findings, figures = [], []
+    if sys.maxsize > 2**32:
+        findings += judge_stated(gate.scratch())
     for precision, flags in gate.PRECISIONS.items():
         directory = gate.scratch()
         messages = gate.compile_sources(["gcc"], [*gate.LIBRARY, *flags], directory)

@@ -16,6 +16,7 @@ import gate
 PAGE = gate.ROOT / "docs/reference/misra.md"
 # without the limits of the number types cppcheck meets config.h's #error and analyses nothing
 DEFINES = ["-UAEO_CONFIG_HEADER", "-UAEO_REAL_DOUBLE", "-DAEO_NO_VECTORS", "-DFLT_RADIX=2", "-DFLT_MANT_DIG=24"]
+DEFINES += ["-DSIZE_MAX=0xFFFFFFFF", "-DUINT_MAX=0xFFFFFFFF"]
 
 
 def count_findings() -> Counter[str]:

@@ -747,6 +747,14 @@ static void saved_numbers_of_fast_rls_come_back(void)
     TEST_ASSERT_EQUAL_UINT32(99, twin.random);
     TEST_ASSERT_EQUAL_UINT32(5, twin.health);
     TEST_ASSERT_EQUAL_UINT32(4, twin.count.restarted);
+    for (unsigned rises = 0; rises <= 5u; rises++) {
+        const aeo_real_t rho = fast_config.regularisation * (aeo_real_t)(1ul << 4u * rises);
+        filter.fast.regularisation = rho;
+        TEST_ASSERT_EQUAL_INT(rises <= 4u, aeo_fast_rls_invariants_hold(&filter.fast));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(rises <= 4u ? AEO_OK : AEO_E_DAMAGED, aeo_fast_rls_restore(&twin, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(rises <= 4u, memcmp(&twin.regularisation, &rho, sizeof rho) == 0);
+    }
 }
 
 int main(void)

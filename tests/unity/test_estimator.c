@@ -66,6 +66,25 @@ static aeo_model_set_t first_set(unsigned m)
     return m == (unsigned)AEO_METHOD_ELS ? AEO_VARMAX : AEO_VARX;
 }
 
+/* An estimator feeds back what is due: samples lost, one in ten, are no forgotten feedback. */
+static void lost_samples_are_no_forgotten_feedback(void)
+{
+    const aeo_estimator_config_t config = describe(AEO_VARMAX);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, aeo_estimator_els, &config, memory, WORDS));
+    for (unsigned k = 0; k < 20000u; k++) {
+        take_one(k);
+        const aeo_real_t good = now_y[0];
+        if (draw(&seed) < -0.8) {
+            now_y[0] = make_not_finite(0);
+        }
+        (void)aeo_estimator_take(&one, now_u, now_y, (uint64_t)k * PERIOD);
+        now_y[0] = good;
+    }
+    TEST_ASSERT_TRUE(aeo_estimator_count(&one, AEO_COUNT_UPDATES) > 1000u);
+    TEST_ASSERT_EQUAL_UINT32(0, one.of.els.count.unfed);
+    TEST_ASSERT_EQUAL_HEX32(0, aeo_estimator_health(&one) & AEO_ELS_UNFED);
+}
+
 /* ---- the same as by hand ------------------------------------------------------------------------------------------- */
 
 static void rls_is_what_it_is_by_hand(void)
@@ -537,6 +556,56 @@ static void nothing_is_sent_without_both(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_snapshot(NULL, &stream, 0));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_snapshot(&one, NULL, 0));
     TEST_ASSERT_EQUAL_UINT(0, fake.kept);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_estimator_count(&one, AEO_COUNT_SAMPLES)); /* nor is anything absorbed */
+}
+
+/* A stream with scheduling channels wants them with each sample; without them nothing is absorbed or sent. */
+static void scheduling_is_not_left_out(void)
+{
+    static const aeo_channel_t wide[R + L + 1] = {{.scale = 1}, {.scale = 1}, {.scale = 1},
+                                                  {.scale = 1}, {.scale = 1}, {.name = "wind", .scale = 1}};
+    const aeo_real_t wind = 8;
+    aeo_estimator_config_t config = describe(AEO_VARX);
+    aeo_stream_config_t bus = describe_bus();
+    config.channels = wide;
+    bus.scheduling = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, aeo_estimator_rls, &config, memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_announce(&one, &stream, &bus, &port, words, PARAMETERS_MAX));
+    take_one(0);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_send(&one, &stream, 0, now_u, now_y, NULL, 0));
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_estimator_count(&one, AEO_COUNT_SAMPLES));
+    TEST_ASSERT_EQUAL_UINT(0, fake.kept);
+    TEST_ASSERT_EQUAL_INT(AEO_FILLING, aeo_estimator_send(&one, &stream, 0, now_u, now_y, &wind, 0));
+    TEST_ASSERT_EQUAL_UINT32(1, aeo_estimator_count(&one, AEO_COUNT_SAMPLES));
+    TEST_ASSERT_GREATER_THAN_UINT(R + L, fake.kept);
+}
+
+static void (*let_in)(void *context);
+static unsigned fewest;
+
+/* Where a step of another context may come between. */
+static void watch_unlock(void *context)
+{
+    fewest = stream.counters_used < fewest ? stream.counters_used : fewest;
+    let_in(context);
+}
+
+/* Flags and counters change under one lock: a step that saw fewer counters would begin anew with the items of health. */
+static void a_step_between_sees_all_counters(void)
+{
+    const aeo_estimator_config_t config = describe(AEO_VARX);
+    const aeo_stream_config_t bus = describe_bus();
+    aeo_port_t watched = port;
+    let_in = port.unlock;
+    watched.unlock = watch_unlock;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, aeo_estimator_rls, &config, memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_announce(&one, &stream, &bus, &watched, words, PARAMETERS_MAX));
+    for (unsigned k = 0; k < 20u; k++) {
+        take_one(k);
+        fewest = k == 0u ? 0u : AEO_STREAM_COUNTERS; /* from the first sample on */
+        (void)aeo_estimator_send(&one, &stream, k, now_u, now_y, NULL, (uint64_t)k * PERIOD);
+        TEST_ASSERT_EQUAL_UINT(k == 0u ? 0u : AEO_STREAM_COUNTERS, fewest);
+    }
 }
 
 /* A gap is told of, and the sample behind it taken: it is the first of the P that fill the window. */
@@ -566,6 +635,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(rls_is_what_it_is_by_hand);
+    RUN_TEST(lost_samples_are_no_forgotten_feedback);
     RUN_TEST(every_method_predicts);
     RUN_TEST(words_are_those_of_the_macros);
     RUN_TEST(a_refused_description_leaves_every_byte);
@@ -582,6 +652,8 @@ int main(void)
     RUN_TEST(invariants_are_those_of_both_parts);
     RUN_TEST(flags_travel_with_the_samples);
     RUN_TEST(nothing_is_sent_without_both);
+    RUN_TEST(scheduling_is_not_left_out);
+    RUN_TEST(a_step_between_sees_all_counters);
     RUN_TEST(a_gap_takes_the_sample_that_tells_of_it);
     return UNITY_END();
 }

@@ -192,8 +192,45 @@ static void requests_are_answered_and_the_rest_is_ignored(void)
     TEST_ASSERT_EQUAL_INT(200, aeo_claim_address(&claim));
 }
 
+static void a_claim_that_the_driver_refused_is_offered_again(void)
+{
+    unsigned i;
+    for (i = 0; i < 10u; i++) { /* 500 ms without room in the driver: nothing is held */
+        TEST_ASSERT_EQUAL_INT(1, aeo_claim_step(&claim, i * 50000u, &frame));
+        aeo_claim_refused(&claim);
+        TEST_ASSERT_EQUAL_INT(-1, aeo_claim_address(&claim));
+    }
+    hold(200, 500000); /* 250 ms from the one that left */
+}
+
+static void a_defence_that_the_driver_refused_is_offered_again(void)
+{
+    const aeo_can_frame_t weaker = claim_of(usual.name + 1u, 200);
+    hold(200, 0);
+    hear(&weaker, 300000);
+    TEST_ASSERT_EQUAL_INT(1, aeo_claim_step(&claim, 300000, &frame));
+    aeo_claim_refused(&claim);
+    TEST_ASSERT_EQUAL_INT(200, aeo_claim_address(&claim)); /* held: its own claim went out */
+    expect_claim(200, 350000);
+}
+
+static void that_none_can_be_claimed_is_offered_again(void)
+{
+    const aeo_claim_config_t fixed = {AEO_CLAIM_NAME(77, 0, 255, 127, 5, 0), 200, 128, 247};
+    const aeo_can_frame_t stronger = claim_of(5, 200);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_claim_start(&claim, &fixed, 0));
+    TEST_ASSERT_EQUAL_INT(1, aeo_claim_step(&claim, 0, &frame));
+    hear(&stronger, 1000);
+    TEST_ASSERT_EQUAL_INT(1, aeo_claim_step(&claim, 200000, &frame));
+    aeo_claim_refused(&claim);
+    TEST_ASSERT_EQUAL_INT(1, aeo_claim_step(&claim, 250000, &frame));
+    TEST_ASSERT_EQUAL_HEX32(CLAIM_ID | 254u, frame.id);
+    TEST_ASSERT_EQUAL_INT(0, aeo_claim_step(&claim, 300000, &frame));
+}
+
 static void wrong_arguments_are_refused(void)
 {
+    aeo_claim_refused(NULL);
     aeo_claim_config_t wrong = usual;
     const aeo_claim_t before = claim;
     aeo_port_t port;
@@ -287,6 +324,9 @@ int main(void)
     RUN_TEST(addresses_of_others_are_passed_over_and_none_left_is_said);
     RUN_TEST(without_the_right_to_another_address_it_falls_silent);
     RUN_TEST(requests_are_answered_and_the_rest_is_ignored);
+    RUN_TEST(a_claim_that_the_driver_refused_is_offered_again);
+    RUN_TEST(a_defence_that_the_driver_refused_is_offered_again);
+    RUN_TEST(that_none_can_be_claimed_is_offered_again);
     RUN_TEST(wrong_arguments_are_refused);
     RUN_TEST(a_stream_sends_with_no_address_but_the_one_held);
     return UNITY_END();

@@ -213,13 +213,14 @@ static void start_fast(void)
     number(&fast.count.updates, 8);
     fast.array[1].age = 0x30405u;
     fast.hold = 0x50607u;
+    fast.regularisation = AEO_REAL(2048); /* 0.5, risen three times */
 }
 
 static void fast_rls_is_written_as_its_header_says(void)
 {
     start_fast();
     const size_t n = 39, m = 18, array = AEO_FAST_RLS_ARRAY_WORDS(2, 18, 3);
-    put(3);
+    put(4);
     put(sizeof(aeo_real_t));
     put(2);
     put(18);
@@ -232,9 +233,10 @@ static void fast_rls_is_written_as_its_header_says(void)
     const uint32_t numbers[] = {fast.random, fast.filled, fast.active, fast.health};
     put_numbers(numbers, 4);
     put_numbers(&fast.count.updates, 8);
-    const uint32_t others[] = {fast.hold,         fast.watch.age,       fast.watch.moved,  fast.watch.withheld,
-                               fast.watch.blocks, fast.watch.suspected, fast.array[0].age, fast.array[1].age};
-    put_numbers(others, 8);
+    const uint32_t others[] = {fast.hold,           fast.watch.age,    fast.watch.moved,
+                               fast.watch.withheld, fast.watch.blocks, fast.watch.suspected,
+                               fast.array[0].age,   fast.array[1].age, 3u};
+    put_numbers(others, 9);
     put_words(fast.array[0].forward, array);
     put_words(fast.array[1].forward, array);
     put_words(fast.theta, n * 2u);
@@ -430,7 +432,7 @@ static void words_that_are_not_the_filters_own_are_refused(void)
     start_fast();
     length = AEO_FAST_RLS_SAVED_WORDS(2, 18, 3, 2);
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&fast, saved, length));
-    judge_words(restore_fast, 10, 20);
+    judge_words(restore_fast, 10, 21);
     start_lattice();
     length = AEO_LATTICE_SAVED_WORDS(3, 4, 2, 2);
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, saved, length));

@@ -218,6 +218,57 @@ static void farewell_says_stopped(void)
     TEST_ASSERT_EQUAL_INT(0, aeo_stream_step(&stream)); /* said once */
 }
 
+/* Announced, the end lets no snapshot begin; after the closing frames no sample leaves either, until a reset. */
+static void nothing_leaves_after_the_end(void)
+{
+    aeo_stream_config_t config = make_config();
+    unsigned kept;
+    config.innovations = 1;
+    start_stream(&config);
+    describe_first();
+    aeo_stream_finish(&stream);
+    TEST_ASSERT_EQUAL_INT(AEO_E_BUSY, aeo_stream_snapshot(&stream, 59, theta));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_sample(&stream, 60, u, y, NULL)); /* the control task goes on */
+    step_until_idle();
+    kept = fake.kept;
+    TEST_ASSERT_EQUAL_INT(AEO_E_BUSY, aeo_stream_snapshot(&stream, 61, theta));
+    TEST_ASSERT_EQUAL_UINT32(2, stream.counters.busy);
+    TEST_ASSERT_EQUAL_INT(AEO_E_REFUSED, aeo_stream_sample(&stream, 61, u, y, NULL));
+    TEST_ASSERT_EQUAL_INT(AEO_E_REFUSED, aeo_stream_innovation(&stream, 61, y));
+    TEST_ASSERT_EQUAL_INT(0, aeo_stream_pending(&stream));
+    TEST_ASSERT_EQUAL_INT(0, aeo_stream_step(&stream));
+    TEST_ASSERT_EQUAL_UINT(kept, fake.kept);
+    aeo_stream_reset(&stream);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_sample(&stream, 62, u, y, NULL));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 62, theta));
+}
+
+static int finishes; /* 1: the next unlock lets another context announce the end */
+static void (*let_in)(void *context);
+
+static void finish_behind(void *context)
+{
+    let_in(context);
+    if (finishes == 1) {
+        finishes = 0;
+        aeo_stream_finish(&stream);
+    }
+}
+
+static void an_end_announced_while_theta_is_copied_lets_no_snapshot_begin(void)
+{
+    const aeo_stream_config_t config = make_config();
+    start_stream(&config);
+    describe_first();
+    let_in = stream.port.unlock;
+    stream.port.unlock = finish_behind;
+    finishes = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_BUSY, aeo_stream_snapshot(&stream, 59, theta));
+    step_until_idle();
+    TEST_ASSERT_EQUAL_UINT32(0, stream.counters.snapshots);
+    TEST_ASSERT_EQUAL_INT(0, aeo_stream_pending(&stream));
+}
+
 static void reset_is_fresh(void)
 {
     static aeo_can_frame_t reference[KEPT];
@@ -252,6 +303,8 @@ int main(void)
     RUN_TEST(a_long_silence_earns_a_burst);
     RUN_TEST(the_shortest_frames_are_paced_too);
     RUN_TEST(farewell_says_stopped);
+    RUN_TEST(nothing_leaves_after_the_end);
+    RUN_TEST(an_end_announced_while_theta_is_copied_lets_no_snapshot_begin);
     RUN_TEST(reset_is_fresh);
     return UNITY_END();
 }

@@ -340,6 +340,40 @@ static void law_restore_continues(void)
     }
 }
 
+/* Upset the filter so many times, four samples apart, from sample 40; returns the next sample. */
+static size_t upset(filter_size_t size, unsigned times)
+{
+    size_t k = 40;
+    feed(&first, size, 0, k);
+    for (unsigned t = 0; t < times && filter->lose != NULL; t++, k += 4) {
+        filter->lose(&first);
+        feed(&first, size, k, k + 4);
+    }
+    return k;
+}
+
+static void law_restore_continues_over_a_gap(void)
+{
+    /* what a filter remembers of its troubles shows at the next fresh start only */
+    for (size_t s = 0; s < SIZE_COUNT; s++) {
+        const filter_size_t size = SIZES[s];
+        const size_t length = filter->saved_words(size);
+        make_samples(size);
+        for (unsigned times = 0; times <= 6u; times++) {
+            start(&first, first_memory, size, 0.99, 1.0);
+            const size_t at = upset(size, times);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, filter->save(&first, saved, length));
+            start(&second, second_memory, size, 0.99, 1.0);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, filter->restore(&second, saved, length));
+            for (size_t next = at + 30; next < at + 120; next++) {
+                feed(&first, size, next, next + 1);
+                feed(&second, size, next, next + 1);
+                assert_same_state(size);
+            }
+        }
+    }
+}
+
 /* Call with a bad sample: one code, one counter up, and every other byte of object and memory as before. */
 static void assert_refused(aeo_status_t code, const aeo_real_t *bad_z, const aeo_real_t *bad_y)
 {
@@ -494,6 +528,7 @@ void run_contract(const filter_face_t *face)
     RUN_TEST(law_outputs_do_not_mix);
     RUN_TEST(law_reset_is_fresh);
     RUN_TEST(law_restore_continues);
+    RUN_TEST(law_restore_continues_over_a_gap);
     RUN_TEST(law_refusal_leaves_every_byte);
     RUN_TEST(law_memory_is_the_formula);
     RUN_TEST(law_restore_survives_damage);

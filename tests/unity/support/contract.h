@@ -28,6 +28,8 @@ typedef struct {
     aeo_status_t (*restore)(void *object, const aeo_real_t *saved, size_t length);
     int (*invariants_hold)(const void *object);
     uint32_t *(*rejected)(void *object); /* the counter of refused updates */
+    /* Damage what the filter gives up and starts afresh at the next update; null: it has no such part. */
+    void (*lose)(void *object);
     /* The weight that stands for rho at regressor j before the first sample; null: rho for each. */
     double (*prior)(filter_size_t size, double lambda, double rho, size_t j);
     /* Relative distance allowed from the batch solution after count well-excited samples; null: the suite's own. */

@@ -19,7 +19,7 @@ HEALTH = {
     8: "innovations grew and the filter fell back to VARX: lengthen the VARX start, or the past window without VARMAX",
     16: "the window was cut and began anew: the control task skipped samples or sent some that are no numbers",
     32: "a residual was cut before it was fed back: check the sensors for outliers",
-    64: "the residual is not fed back: push aeo_els_residual into the regressor after each update",
+    64: "the residual is not fed back: hand aeo_els_feedback to aeo_regressor_set_innovation after each update",
     128: "P held far more than the data bring, as after a sensor's fault, and started anew: check sensors and ranges",
 }
 
