@@ -14,7 +14,7 @@ from stream_rig import settings as rig_settings
 
 from aeolid.can import Assembly, build_records, wire
 from aeolid.can.garbling import MARGIN, Garbling
-from aeolid.can.node import EARLY_MAX, NODES_MAX
+from aeolid.can.limits import EARLY_MAX, NODES_MAX
 
 THETA = np.random.default_rng(3).standard_normal(COUNT)
 FOREIGN: Row = (0x123, False, b"abc")
@@ -299,3 +299,59 @@ def test_seals_are_those_of_the_header() -> None:
         words = np.array([1 | tag << 8, 70_000, *part.view(np.uint32)], "<u4")
         expected[tag] = zlib.crc32(words.tobytes())
     assert seals == expected
+
+
+def renamed(lost: str, again: int = 100) -> list[Row]:
+    """Build the frames of a node that is set up anew, of whose new description first the head or all is lost."""
+    first, second = describe(names=("pitch", "torque")), describe(names=("torque", "pitch"))
+    heard = {"nothing": second, "head": second[1:], "all": []}[lost]
+    return [*first, *samples(0, 300), *heard, *samples(0, again), *second, *samples(again, 200)]
+
+
+@pytest.mark.parametrize("batch", [50, 10**9])
+@pytest.mark.parametrize("lost", ["nothing", "head", "all"])
+def test_what_follows_a_new_count_waits_for_a_head(lost: str, batch: int) -> None:
+    """Samples after a restart get the names of the description that comes next, whatever of it was lost."""
+    ((first, _), (second, _)) = build_records(receive(renamed(lost), batch).nodes[1], "t")
+    assert (tuple(c.name for c in first.channels)[:2], len(first)) == (("pitch", "torque"), 300)
+    assert (tuple(c.name for c in second.channels)[:2], len(second)) == (("torque", "pitch"), 300)
+
+
+def test_a_new_count_under_the_same_description_costs_nothing() -> None:
+    """The head in force, or the end of the bus, gives back what waited; nothing waits after a goodbye."""
+    for end in ([], describe()[:1]):
+        found = receive([*describe(), *samples(0, 300), *samples(0, 100), *end], 40)
+        assert [len(record) for record, _ in build_records(found.nodes[1], "t")] == [300, 100]
+        assert found.nodes[1].early_lost == 0
+    assembly = Assembly()
+    rows = [*describe(), *samples(0, 300), *samples(0, 100), stopped(99), stopped(99)]
+    for k in range(0, len(rows), 40):
+        assembly.feed(wire.pack_frames(rows[k : k + 40]))
+    assert assembly.all_stopped()
+
+
+def test_a_part_that_contradicts_the_description_in_force_opens_a_rumour() -> None:
+    """On a quiet bus what follows waits, without a head and without a new count; near garbled frames it does not."""
+    parts = [r for r in describe(names=("torque", "pitch"))[1:] if r not in describe(names=("pitch", "torque"))]
+    rows = [*describe(names=("pitch", "torque")), *samples(0, 300), parts[0], *samples(300, 100)]
+    assert [len(record) for record, _ in build_records(receive(rows, 40).nodes[1], "t")] == [300]
+    near = [damaged(), *rows]
+    assert [len(record) for record, _ in build_records(receive(near, 40).nodes[1], "t")] == [400]
+
+
+def test_a_stray_makes_nothing_wait() -> None:
+    """One sample of another index amid a count: what follows is there at once."""
+    rows = samples(500, 40)
+    stray = row(1, wire.SAMPLE, 0, 9, bits(1e6))
+    assembly = Assembly()
+    assembly.feed(wire.pack_frames([*describe(), *rows[:60], stray, *rows[60:]]))
+    now = assembly.nodes[1].now
+    assert now is not None and now.samples.last_index() == 539
+
+
+@pytest.mark.parametrize("wrong", [{"forgetting": np.nan}, {"forgetting": 0.0}, {"forgetting": 1.5},
+                                   {"regularisation": np.inf}, {"regularisation": -1.0}])  # fmt: skip
+def test_settings_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
+    """A forgetting factor or regularisation that no filter can have is told as the node's problem."""
+    node = receive([*describe(**wrong), *samples(0, 30)]).nodes[1]
+    assert node.now is None and node.problem is not None and next(iter(wrong)) in node.problem

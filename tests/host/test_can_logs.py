@@ -12,9 +12,9 @@ import can
 import numpy as np
 import pytest
 
+from aeolid.can.assembly import Assembly
 from aeolid.can.logs import open_log
 from aeolid.can.messages import ERROR, GARBLED, PASSIVE, REMOTE, pack_messages, unpack_messages
-from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RAW_SUFFIXES, open_raw_log
 from aeolid.can.recorder import read_log
 from aeolid.can.slcan import parse_all

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid import output
+from aeolid.can.assembly import Assembly
 from aeolid.can.logs import open_log
-from aeolid.can.node import Assembly, Configuration, Node
+from aeolid.can.node import Configuration, Node
 from aeolid.can.runs import Run, channels_of
 from aeolid.can.snapshots import MarkovSnapshot
 from aeolid.errors import DataError, UsageError

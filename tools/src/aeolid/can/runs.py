@@ -6,9 +6,10 @@ import glob
 from collections.abc import Callable
 from pathlib import Path
 
+from aeolid.can.assembly import Assembly
 from aeolid.can.clock import ClockPairs
 from aeolid.can.limits import FILES_MAX, FILL_SHARE, RUNS_MAX
-from aeolid.can.node import Assembly, Configuration, Node
+from aeolid.can.node import Configuration, Node
 from aeolid.can.run import Run, channels_of, write_roles
 from aeolid.can.tables import SampleTable
 from aeolid.errors import DataError, UsageError
