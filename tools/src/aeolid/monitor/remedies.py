@@ -27,8 +27,9 @@ HEALTH = {
 def findings(facts: Facts) -> list[Facts]:
     """Return what an operator should know: dictionaries with node (or None), level (alarm, note), what and remedy."""
     found = [{"node": None} | f for f in _of_bus(facts)]
+    alone = not (facts["over"] or facts["bus"]["status"] or facts["bus"]["silent_s"] >= SILENT_S)
     for node in facts["nodes"]:
-        found += [{"node": node["node"]} | f for f in _of_node(node)]
+        found += [{"node": node["node"]} | f for f in (*(_silence(node) if alone else ()), *_of_node(node))]
     return sorted(found, key=lambda f: f["level"] != "alarm")
 
 
@@ -94,6 +95,15 @@ def _of_node(n: Facts) -> Iterator[Facts]:
     for flag, remedy in HEALTH.items():
         if n["flags"] & flag:
             yield _note(f"Health flag: {n['health'][str(flag)]}.", remedy[0].upper() + remedy[1:] + ".")
+
+
+def _silence(n: Facts) -> Iterator[Facts]:
+    """Tell of a node that has fallen silent while the bus goes on."""
+    if n["state"] == "silent":
+        yield _alarm(
+            f"Nothing has come of it for {n['silent_s']:.0f} s, and it has not said goodbye.",
+            "Is the controller powered and its plug in? What it sent last stays shown.",
+        )
 
 
 def _losses(n: Facts) -> Iterator[Facts]:
