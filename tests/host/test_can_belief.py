@@ -355,3 +355,17 @@ def test_settings_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
     """A forgetting factor or regularisation that no filter can have is told as the node's problem."""
     node = receive([*describe(**wrong), *samples(0, 30)]).nodes[1]
     assert node.now is None and node.problem is not None and next(iter(wrong)) in node.problem
+
+
+@pytest.mark.parametrize(("on", "off"), [(15, 16), (15, 20), (10, 20), (8, 40), (1, 30), (20, 20)])
+def test_a_bursty_link_costs_only_what_it_loses(on: int, off: int) -> None:
+    """Short bursts between holes: every sealed sample that came through is recorded, in one run."""
+    rows, sent = describe(), 0
+    for k in range(0, 3000, on + off):
+        rows += samples(k, on)
+        sent += on
+    found = receive(rows, 50)
+    records = build_records(found.nodes[1], "t")
+    assert sum(int(np.isfinite(record.values).all(axis=1).sum()) for record, _ in records) >= sent - 16
+    assert len(records) == 1 or on == 1
+    assert not found.nodes[1].contested
