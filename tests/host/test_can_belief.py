@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from stream_rig import settings as rig_settings
 from aeolid.can import Assembly, build_records, wire
 from aeolid.can.garbling import MARGIN, Garbling
 from aeolid.can.limits import EARLY_MAX, NODES_MAX
+from aeolid.can.raw_log import open_raw_log
+from aeolid.can.recorder import read_log
+from aeolid.errors import DataError
 
 THETA = np.random.default_rng(3).standard_normal(COUNT)
 FOREIGN: Row = (0x123, False, b"abc")
@@ -369,3 +373,36 @@ def test_a_bursty_link_costs_only_what_it_loses(on: int, off: int) -> None:
     assert sum(int(np.isfinite(record.values).all(axis=1).sum()) for record, _ in records) >= sent - 16
     assert len(records) == 1 or on == 1
     assert not found.nodes[1].contested
+
+
+def test_a_controller_that_starts_again_and_again_is_no_second_node() -> None:
+    """Forty boots of different lengths: each is one count; indices of two nodes leap to and fro."""
+    rows: list[Row] = []
+    for boot in range(40):
+        rows += describe()
+        for k in range(0, 40 + 20 * (boot % 3), 10):
+            rows += [*samples(k, 10), row(1, wire.HEALTH, 0, 0, k + 9)]
+    assert receive(rows, 500).nodes[1].contested == ""
+    for ahead in (3, 5000):
+        health = [row(1, wire.HEALTH, 0, 0, 10 * k + which * ahead) for k in range(40) for which in (1, 0)]
+        assert "go to and fro" in receive([*describe(), *health]).nodes[1].contested
+
+
+@pytest.mark.parametrize("ahead", [0, 5000])
+def test_a_log_with_two_nodes_of_one_number_is_refused(ahead: int, tmp_path: Path) -> None:
+    """A log is judged as a reception is: no samples of two controllers in one recording without a word."""
+    second: list[Row] = []
+    for k in range(ahead, ahead + 400):
+        patterns = [bits(-k - channel) for channel in range(R + L)]
+        second += [row(1, wire.SAMPLE, channel, k & 0xFFFF, value) for channel, value in enumerate(patterns)]
+        words = np.array([1 | R + L << 8, k, *patterns], "<u4")
+        second.append(row(1, wire.SEAL, R + L, k & 0xFFFF, zlib.crc32(words.tobytes())))
+    mine, rows = samples(0, 400), describe()
+    for k in range(400):
+        rows += [*mine[6 * k : 6 * k + 6], *second[6 * k : 6 * k + 6]]
+    path = tmp_path / "twins.log"
+    raw = open_raw_log(path)
+    raw.write(wire.pack_frames(rows, times_s=[1.7e9 + 1e-3 * k for k in range(len(rows))]))
+    raw.close()
+    with pytest.raises(DataError, match="two nodes seem to bear the number 1"):
+        read_log(path)

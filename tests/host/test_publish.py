@@ -282,3 +282,36 @@ def test_an_answer_that_is_no_http_is_a_failure_like_others() -> None:
         assert publisher.failed == {"odd": 2, "here": 2} and len(said) == 2
         publish_once([("odd", Odd()), ("here", target)], [MODE])
         publisher.close()
+
+
+def test_a_connection_that_went_between_two_messages_loses_none() -> None:
+    """A broker that closes after every ping: the next message comes on a fresh connection; no keep-alive ends one."""
+    heard: list[bytes] = []
+
+    def serve(listening: socket.socket) -> None:
+        while True:
+            try:
+                taken, _ = listening.accept()
+            except OSError:
+                return
+            with taken:
+                heard.append(taken.recv(4096))
+                taken.sendall(b"\x20\x02\x00\x00")
+                said = b""
+                while not said.endswith(b"\xc0\x00"):
+                    said += taken.recv(4096)
+                heard.append(said)
+                taken.sendall(b"\xd0\x00")
+
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        threading.Thread(target=serve, args=(listening,), daemon=True).start()
+        target = target_of(f"mqtt://127.0.0.1:{listening.getsockname()[1]}/park")
+        for k in range(3):
+            target.send([MODE], float(k))
+            time.sleep(0.05)
+        target.close()
+        listening.shutdown(socket.SHUT_RDWR)
+    assert len(heard) == 6 and all(b'"time_s": %d.0' % k in heard[2 * k + 1] for k in range(3))
+    assert all(first[10:12] == b"\0\0" for first in heard[::2])

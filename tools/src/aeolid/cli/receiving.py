@@ -322,6 +322,7 @@ def _judge(
     until_end: bool,
 ) -> None:
     """End with one sentence and code 3 when nothing usable came, the bus broke off or something was not written."""
+    from aeolid.can.recorder import say_twins
     from aeolid.cli.listen_facts import why_nothing
 
     source = reception.source
@@ -330,10 +331,7 @@ def _judge(
         raise DataError(f"{why}; reception has stopped, and what had arrived until then is kept as far as it went")
     contested = next((n for n in facts["nodes"] if n["contested"]), None)
     if contested is not None:
-        raise DataError(
-            f"{source.name}: two nodes seem to bear the number {contested['node']}: {contested['contested']}; give"
-            f" each a number of its own. What could not be told apart was left out, other nodes are recorded whole"
-        )
+        raise DataError(say_twins(source.name, contested["node"], contested["contested"]))
     usable = any(n["runs"] or n.get("snapshots", {}).get("complete") for n in facts["nodes"])
     if not usable:
         raise DataError(f"{source.name}: nothing usable arrived: {why_nothing(reception, nodes)}")

@@ -64,17 +64,24 @@ class _Mqtt:
         self._client: MqttClient | None = None
 
     def send(self, rows: Sequence[Row], now_s: float) -> None:
-        """Connect where that is needed, and publish."""
-        try:
-            if self._client is None:
-                user, password = os.environ.get(USER), os.environ.get(PASSWORD)
-                self._client = MqttClient(self._host, self._port, user=user, password=password, tls=self._tls)
-            for row in rows:
-                self._client.publish(self._of(row), _json(row, now_s), retain=True)
-            self._client.ping()
-        except OSError:
-            self.close()
-            raise
+        """Connect where that is needed, and publish; where a connection of before has gone, again on a fresh one."""
+        for client in [*([self._client] if self._client is not None else []), None]:
+            try:
+                self._publish(client, rows, now_s)
+                return
+            except OSError:
+                self.close()
+                if client is None:
+                    raise
+
+    def _publish(self, client: MqttClient | None, rows: Sequence[Row], now_s: float) -> None:
+        if client is None:
+            user, password = os.environ.get(USER), os.environ.get(PASSWORD)
+            client = MqttClient(self._host, self._port, user=user, password=password, tls=self._tls)
+        self._client = client
+        for row in rows:
+            client.publish(self._of(row), _json(row, now_s), retain=True)
+        client.ping()
 
     def _of(self, row: Row) -> str:
         levels = [row.measurement, *(v for _, v in sorted(row.tags.items()) if v)]
