@@ -322,3 +322,14 @@ def test_a_node_that_waits_ends_with_its_command(kind: signal.Signals) -> None:
         process.wait(3600)
     with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=3600):
         pass
+
+
+def test_a_page_that_cannot_be_served_leaves_no_files(tmp_path: Path) -> None:
+    """The port is taken: nothing has come, and the same command may be given again under the same names."""
+    log, poles = tmp_path / "bus.log", tmp_path / "poles.csv"
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        words = ["--no-browser", "--port", str(taken.getsockname()[1]), "--log", str(log), "--poles", str(poles)]
+        assert main(["monitor", "--bus", "virtual:nobody", *words, "--for", "1"]) == 2
+    assert list(tmp_path.iterdir()) == []

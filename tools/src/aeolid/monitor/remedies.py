@@ -9,7 +9,7 @@ Facts = dict[str, Any]
 SILENT_S = 10.0  # without a frame before that is worth a word; health comes at least as often at usual settings
 LOST = 0.01  # part of the values that may be lost before that is
 AGE = 3.0  # usual distances between snapshots after which the newest is old
-OUTSIDE = 4  # of the newest 20 blocks outside their bounds: by chance three times in ten thousand
+OUTSIDE = 4  # of the newest 20 blocks outside their bounds: by chance three looks in 10,000, once in 30,000 blocks
 FULL = 0.7  # bus load from which low priorities wait
 
 HEALTH = {
@@ -86,8 +86,11 @@ def _of_node(n: Facts) -> Iterator[Facts]:
             f"Not followed any more: it {n['refused']}.", "Look for a device that imitates it, then start anew."
         )
     if not n["described"]:
-        yield _note("Waiting for its description.", "It comes within some ten seconds; a node that never sends it is"
-                    " configured with describe_every = 0.")  # fmt: skip
+        yield _note(
+            "Waiting for its description.",
+            "It comes within some ten seconds; of a node that never sends it, raise the share of the bus, or shorten"
+            " describe_every.",
+        )
         return
     checks: list[Callable[[Facts], Iterator[Facts]]] = [_losses, _snapshots, _modes, _innovations]
     for check in checks:
