@@ -380,7 +380,7 @@ def test_a_controller_that_starts_again_and_again_is_no_second_node() -> None:
     rows: list[Row] = []
     for boot in range(40):
         rows += describe()
-        for k in range(0, 40 + 20 * (boot % 3), 10):
+        for k in range(0, 20 + 10 * (boot % 3), 10):
             rows += [*samples(k, 10), row(1, wire.HEALTH, 0, 0, k + 9)]
     assert receive(rows, 500).nodes[1].contested == ""
     for ahead in (3, 5000):
