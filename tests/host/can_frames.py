@@ -22,7 +22,7 @@ def bits(value: float) -> int:
 def describe(
     node: int = 1, *, version: int = 2, past: int = P, names: tuple[str, ...] = ("a", "b"), every: int = 1,
     parameters: int | None = None, shape: int | None = None, scales: tuple[float, ...] = (1, 10, 0.1, 2, 5),
-    sample_time: float = 0.1,
+    sample_time: float = 0.1, forgetting: float = 0.99, regularisation: float = 2.0,
 ) -> list[Row]:  # fmt: skip
     """Build the description frames of a node, written independently of the C streamer."""
     count = L * past * (R + L) if parameters is None else parameters
@@ -30,8 +30,8 @@ def describe(
         (1, 0): R | L << 8 | 1 << 24 if shape is None else shape,
         (2, past): count,
         (3, every): bits(sample_time),
-        (4, 0): bits(0.99),
-        (5, 0): bits(2.0),
+        (4, 0): bits(forgetting),
+        (5, 0): bits(regularisation),
         (6, 0): 0,
     }
     for i in range(R + L):

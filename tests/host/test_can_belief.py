@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,10 @@ from stream_rig import settings as rig_settings
 
 from aeolid.can import Assembly, build_records, wire
 from aeolid.can.garbling import MARGIN, Garbling
-from aeolid.can.node import EARLY_MAX, NODES_MAX
+from aeolid.can.limits import EARLY_MAX, NODES_MAX
+from aeolid.can.raw_log import open_raw_log
+from aeolid.can.recorder import read_log
+from aeolid.errors import DataError
 
 THETA = np.random.default_rng(3).standard_normal(COUNT)
 FOREIGN: Row = (0x123, False, b"abc")
@@ -299,3 +303,106 @@ def test_seals_are_those_of_the_header() -> None:
         words = np.array([1 | tag << 8, 70_000, *part.view(np.uint32)], "<u4")
         expected[tag] = zlib.crc32(words.tobytes())
     assert seals == expected
+
+
+def renamed(lost: str, again: int = 100) -> list[Row]:
+    """Build the frames of a node that is set up anew, of whose new description first the head or all is lost."""
+    first, second = describe(names=("pitch", "torque")), describe(names=("torque", "pitch"))
+    heard = {"nothing": second, "head": second[1:], "all": []}[lost]
+    return [*first, *samples(0, 300), *heard, *samples(0, again), *second, *samples(again, 200)]
+
+
+@pytest.mark.parametrize("batch", [50, 10**9])
+@pytest.mark.parametrize("lost", ["nothing", "head", "all"])
+def test_what_follows_a_new_count_waits_for_a_head(lost: str, batch: int) -> None:
+    """Samples after a restart get the names of the description that comes next, whatever of it was lost."""
+    ((first, _), (second, _)) = build_records(receive(renamed(lost), batch).nodes[1], "t")
+    assert (tuple(c.name for c in first.channels)[:2], len(first)) == (("pitch", "torque"), 300)
+    assert (tuple(c.name for c in second.channels)[:2], len(second)) == (("torque", "pitch"), 300)
+
+
+def test_a_new_count_under_the_same_description_costs_nothing() -> None:
+    """The head in force, or the end of the bus, gives back what waited; nothing waits after a goodbye."""
+    for end in ([], describe()[:1]):
+        found = receive([*describe(), *samples(0, 300), *samples(0, 100), *end], 40)
+        assert [len(record) for record, _ in build_records(found.nodes[1], "t")] == [300, 100]
+        assert found.nodes[1].early_lost == 0
+    assembly = Assembly()
+    rows = [*describe(), *samples(0, 300), *samples(0, 100), stopped(99), stopped(99)]
+    for k in range(0, len(rows), 40):
+        assembly.feed(wire.pack_frames(rows[k : k + 40]))
+    assert assembly.all_stopped()
+
+
+def test_a_part_that_contradicts_the_description_in_force_opens_a_rumour() -> None:
+    """On a quiet bus what follows waits, without a head and without a new count; near garbled frames it does not."""
+    parts = [r for r in describe(names=("torque", "pitch"))[1:] if r not in describe(names=("pitch", "torque"))]
+    rows = [*describe(names=("pitch", "torque")), *samples(0, 300), parts[0], *samples(300, 100)]
+    assert [len(record) for record, _ in build_records(receive(rows, 40).nodes[1], "t")] == [300]
+    near = [damaged(), *rows]
+    assert [len(record) for record, _ in build_records(receive(near, 40).nodes[1], "t")] == [400]
+
+
+def test_a_stray_makes_nothing_wait() -> None:
+    """One sample of another index amid a count: what follows is there at once."""
+    rows = samples(500, 40)
+    stray = row(1, wire.SAMPLE, 0, 9, bits(1e6))
+    assembly = Assembly()
+    assembly.feed(wire.pack_frames([*describe(), *rows[:60], stray, *rows[60:]]))
+    now = assembly.nodes[1].now
+    assert now is not None and now.samples.last_index() == 539
+
+
+@pytest.mark.parametrize("wrong", [{"forgetting": np.nan}, {"forgetting": 0.0}, {"forgetting": 1.5},
+                                   {"regularisation": np.inf}, {"regularisation": -1.0}])  # fmt: skip
+def test_settings_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
+    """A forgetting factor or regularisation that no filter can have is told as the node's problem."""
+    node = receive([*describe(**wrong), *samples(0, 30)]).nodes[1]
+    assert node.now is None and node.problem is not None and next(iter(wrong)) in node.problem
+
+
+@pytest.mark.parametrize(("on", "off"), [(15, 16), (15, 20), (10, 20), (8, 40), (1, 30), (20, 20)])
+def test_a_bursty_link_costs_only_what_it_loses(on: int, off: int) -> None:
+    """Short bursts between holes: every sealed sample that came through is recorded, in one run."""
+    rows, sent = describe(), 0
+    for k in range(0, 3000, on + off):
+        rows += samples(k, on)
+        sent += on
+    found = receive(rows, 50)
+    records = build_records(found.nodes[1], "t")
+    assert sum(int(np.isfinite(record.values).all(axis=1).sum()) for record, _ in records) >= sent - 16
+    assert len(records) == 1 or on == 1
+    assert not found.nodes[1].contested
+
+
+def test_a_controller_that_starts_again_and_again_is_no_second_node() -> None:
+    """Forty boots of different lengths: each is one count; indices of two nodes leap to and fro."""
+    rows: list[Row] = []
+    for boot in range(40):
+        rows += describe()
+        for k in range(0, 20 + 10 * (boot % 3), 10):
+            rows += [*samples(k, 10), row(1, wire.HEALTH, 0, 0, k + 9)]
+    assert receive(rows, 500).nodes[1].contested == ""
+    for ahead in (3, 5000):
+        health = [row(1, wire.HEALTH, 0, 0, 10 * k + which * ahead) for k in range(40) for which in (1, 0)]
+        assert "go to and fro" in receive([*describe(), *health]).nodes[1].contested
+
+
+@pytest.mark.parametrize("ahead", [0, 5000])
+def test_a_log_with_two_nodes_of_one_number_is_refused(ahead: int, tmp_path: Path) -> None:
+    """A log is judged as a reception is: no samples of two controllers in one recording without a word."""
+    second: list[Row] = []
+    for k in range(ahead, ahead + 400):
+        patterns = [bits(-k - channel) for channel in range(R + L)]
+        second += [row(1, wire.SAMPLE, channel, k & 0xFFFF, value) for channel, value in enumerate(patterns)]
+        words = np.array([1 | R + L << 8, k, *patterns], "<u4")
+        second.append(row(1, wire.SEAL, R + L, k & 0xFFFF, zlib.crc32(words.tobytes())))
+    mine, rows = samples(0, 400), describe()
+    for k in range(400):
+        rows += [*mine[6 * k : 6 * k + 6], *second[6 * k : 6 * k + 6]]
+    path = tmp_path / "twins.log"
+    raw = open_raw_log(path)
+    raw.write(wire.pack_frames(rows, times_s=[1.7e9 + 1e-3 * k for k in range(len(rows))]))
+    raw.close()
+    with pytest.raises(DataError, match="two nodes seem to bear the number 1"):
+        read_log(path)

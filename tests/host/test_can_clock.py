@@ -225,3 +225,17 @@ def test_the_line_is_that_of_scipy(seed: int) -> None:
     y = np.round(0.3 * x + rng.standard_t(2, n), 1 if seed % 2 else 9)
     for confidence in (0.5, 0.95):
         np.testing.assert_allclose(fit_line(x, y, confidence), theilslopes(y, x, confidence), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, -60.0, -5.0, 60.0, 3600.0])
+def test_a_host_clock_that_is_set_begins_a_new_line(step_s: float) -> None:
+    """The controller goes on, the host's clock is set forth or back: no line through both, and no turn is lost."""
+    keeper, index = ClockKeeper(), np.arange(65_000, 72_000)
+    for part in batches(index, START + H * index + np.where(index >= 69_000, step_s, 0.0), size=10):
+        keeper.feed(part, {1: H})
+    first, second = keeper.runs(1)
+    assert first.last is not None and second.first is not None
+    assert first.last[0] == 68_999 and second.first[0] == 69_000
+    fit = second.fit()
+    assert fit is not None and fit.start_utc == pytest.approx(START + step_s, abs=1e-4)
+    assert fit.drift_ppm == pytest.approx(0, abs=1e-3)

@@ -13,13 +13,14 @@ import pytest
 
 import aeolid.can.runs as runs_module
 from aeolid.can import limits, wire
+from aeolid.can.assembly import Assembly
 from aeolid.can.compact import merge_tail
 from aeolid.can.counts import Counts
 from aeolid.can.garbling import Garbling
 from aeolid.can.judging import VALUE, Part, join_parts
 from aeolid.can.logs import open_log
 from aeolid.can.messages import MARKER, pack_messages
-from aeolid.can.node import Assembly, Configuration
+from aeolid.can.node import Configuration
 from aeolid.can.raw_log import RAW_SUFFIXES, open_raw_log
 from aeolid.can.reception import Reception
 from aeolid.can.runs import RunRecorder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gzip
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,9 +13,9 @@ import can
 import numpy as np
 import pytest
 
+from aeolid.can.assembly import Assembly
 from aeolid.can.logs import open_log
 from aeolid.can.messages import ERROR, GARBLED, PASSIVE, REMOTE, pack_messages, unpack_messages
-from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RAW_SUFFIXES, open_raw_log
 from aeolid.can.recorder import read_log
 from aeolid.can.slcan import parse_all
@@ -296,3 +297,19 @@ def test_a_full_disk_leaves_a_whole_log(suffix: str, tmp_path: Path, monkeypatch
     found, ended = read(log.path)
     assert ended == "end of file" and taken < len(frames)
     assert_equal(found, frames.take(np.arange(taken)))
+
+
+@pytest.mark.parametrize("suffix", [".trc", ".log.gz", ".asc.gz"])
+def test_a_text_that_was_cut_says_so_packed_or_not(suffix: str, tmp_path: Path) -> None:
+    """Cut within a line, before it was packed or without packing: the end of the log is no end of file."""
+    plain = tmp_path / f"plain{suffix.removesuffix('.gz')}"
+    with can.Logger(plain) as logger:
+        for message in unpack_messages(traffic(300, fd=False)):
+            logger.on_message_received(message)
+    whole = plain.read_bytes()
+    for text, ends in ((whole, "end of file"), (whole[: len(whole) // 2], ""), (whole[: 2 * len(whole) // 3 - 5], "")):
+        if not ends and text.endswith(b"\n"):
+            text = text[:-3]
+        path = tmp_path / f"bus{suffix}"
+        path.write_bytes(gzip.compress(text) if suffix.endswith(".gz") else text)
+        assert read(path)[1].startswith(ends or "damaged: "), (suffix, len(text))

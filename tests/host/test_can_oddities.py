@@ -6,16 +6,17 @@ import os
 import re
 import threading
 import tracemalloc
+import zlib
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from can_frames import describe, receive, row, samples
+from can_frames import L, R, Row, bits, describe, receive, row, samples
 
+from aeolid.can import Assembly, wire
 from aeolid.can import run as run_module
 from aeolid.can import runs as runs_module
-from aeolid.can import wire
 from aeolid.can.clock import ClockKeeper
 from aeolid.can.reception import Reception
 from aeolid.can.recorder import read_log
@@ -260,3 +261,37 @@ def test_a_node_refuses_at_once_what_it_could_not_dump(
     assert main(["node", "--turbine", "--samples", "20", "--speed", "max", "--dump", str(tmp_path / place)]) == 2
     told = capsys.readouterr()
     assert words in " ".join(told.err.split()) and not told.out
+
+
+def sealed(kind: int, k: int, value: float) -> list[Row]:
+    """Build a sample or the innovations of one, with their seal; all channels tell the value."""
+    count, tag = (R + L, R + L) if kind == wire.SAMPLE else (L, L | wire.SEAL_INNOVATION)
+    values = [bits(value)] * count
+    words = np.array([1 | tag << 8, k, *values], "<u4")
+    rows = [row(1, kind, channel, k & 0xFFFF, v) for channel, v in enumerate(values)]
+    return [*rows, row(1, wire.SEAL, tag, k & 0xFFFF, zlib.crc32(words.tobytes()))]
+
+
+@pytest.mark.parametrize("clocks", [True, False])
+@pytest.mark.parametrize("boot", [20, 40, 150, 700])
+def test_innovations_of_one_boot_stay_out_of_the_next(boot: int, clocks: bool, tmp_path: Path) -> None:
+    """A restart: the innovations beside the rows of the newest run are its own; those of before are not among them."""
+    rows = describe()
+    for first, count in ((10_000.0, boot), (0.0, 1500)):
+        for k in range(count):
+            rows += sealed(wire.SAMPLE, k, first + k) + sealed(wire.INNOVATION, k, first + k)
+        rows += describe()
+    assembly, recorder = Assembly(), RunRecorder(None, innovations=tmp_path)
+    if clocks:
+        recorder.clocks = lambda number: []
+    for k in range(0, len(rows), 100):
+        assembly.feed(wire.pack_frames(rows[k : k + 100]))
+        recorder.poll(assembly, True)
+    assembly.close()
+    recorder.finish(assembly)
+    run = recorder.runs[1][-1]
+    told = run.innovations(np.ones(L))[:, 0]
+    there = np.isfinite(told)
+    assert run.rows == 1500 and np.count_nonzero(there) >= 1450
+    assert (told[there] == np.arange(1500)[there]).all()
+    assert all(old.ended for old in recorder.runs[1][:-1])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from aeolid.can import Assembly, build_records, open_source, read_log, wire
 from aeolid.can.description import CHANNELS_MAX
-from aeolid.can.node import EARLY_MAX, NODES_MAX
+from aeolid.can.limits import EARLY_MAX, NODES_MAX
 from aeolid.can.repair import group_members, repair_sets, restore
 from aeolid.can.slcan import parse
 from aeolid.can.snapshots import physical

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -306,3 +309,27 @@ def test_a_bus_that_breaks_off_before_the_first_frame_is_told_as_such(capsys: py
         peer.join(60)
     said = " ".join(capsys.readouterr().err.split())
     assert "the bus broke off before the first frame" in said and "is a node sending" not in said
+
+
+@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGHUP])
+def test_a_node_that_waits_ends_with_its_command(kind: signal.Signals) -> None:
+    """Ended while it waits for a listener, the command leaves no process behind that holds the port."""
+    command = [sys.executable, "-m", "aeolid.cli.main", "node", "--turbine", "--samples", "5000", "--wait"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        port = int(process.stdout.readline().rpartition(":")[2])
+        process.send_signal(kind)
+        process.wait(3600)
+    with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=3600):
+        pass
+
+
+def test_a_page_that_cannot_be_served_leaves_no_files(tmp_path: Path) -> None:
+    """The port is taken: nothing has come, and the same command may be given again under the same names."""
+    log, poles = tmp_path / "bus.log", tmp_path / "poles.csv"
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        words = ["--no-browser", "--port", str(taken.getsockname()[1]), "--log", str(log), "--poles", str(poles)]
+        assert main(["monitor", "--bus", "virtual:nobody", *words, "--for", "1"]) == 2
+    assert list(tmp_path.iterdir()) == []

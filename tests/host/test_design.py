@@ -16,6 +16,7 @@ from aeolid.cli.main import main
 from aeolid.models.state_space import StateSpace
 from aeolid.plants.examples import turbine_model, write_examples
 
+SHORT = ["--bound", "pitch=1deg", "--duration", "4", "--past", "3", "--goal", "0.45"]
 WORDS = ["--bound", "pitch=1deg", "--rate", "pitch=5deg/s", "--duration", "300"]
 
 
@@ -99,6 +100,7 @@ def test_modes_of_the_loop_take_the_controller(model):
         ([*WORDS, "--goal", "9"], 2, "no mode within a fifth"),
         ([*WORDS, "--controller", "none.json"], 3, "none.json"),
         (["--bound", "pitch=1deg", "--duration", "10"], 4, "past window of 20"),
+        ([*SHORT, "--signal", "multisine"], 2, "no two lines"),
     ],
 )
 def test_wrong_commands_end_with_a_sentence_and_no_file(model, tmp_path, monkeypatch, capsys, words, code, said):
@@ -130,3 +132,10 @@ def test_models_without_noise_or_of_another_kind_are_refused(tmp_path):
     write_examples(tmp_path, samples=200)
     with pytest.raises(ae.UsageError, match="a linear model is needed, found Equations"):
         ae.design(tmp_path / "stage" / "model.toml", bound={"drive": 1}, duration=300)
+
+
+def test_a_signal_nobody_asked_for_is_left_out(model, tmp_path, monkeypatch, capsys):
+    """Four seconds hold no multisine: another signal is taken, and no option is blamed that was not given."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", str(model), *SHORT, "--out", "e.csv"]) == 0
+    assert "--band" not in capsys.readouterr().err

@@ -22,7 +22,14 @@ ROLES = Roles(CHANNELS, 0.1, None, "roles.toml")
 
 @pytest.mark.parametrize(
     ("text", "ends"),
-    [("status=1", (1, 1)), ("u=8..12", (8, 12)), ("u=-3.5..", (-3.5, np.inf)), ("u=..1e3", (-np.inf, 1000))],
+    [
+        ("status=1", (1, 1)),
+        ("u=8..12", (8, 12)),
+        ("u=-3.5..", (-3.5, np.inf)),
+        ("u=..1e3", (-np.inf, 1000)),
+        ("u=1709290800..1709294400.5", (1709290800, 1709294400.5)),
+        ("u=1500000..1999999.5", (1.5e6, 1999999.5)),
+    ],
 )
 def test_rules_are_read_and_written_alike(text: str, ends: tuple[float, float]) -> None:
     rule = parse_keep(text, ROLES)

@@ -13,7 +13,7 @@ from study_modules import load_study
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.fleet import modelling, tasks
 from aeolid.fleet.modelling import choose_common_order, model_summary
-from aeolid.fleet.onset import find_onset, notable, say_change
+from aeolid.fleet.onset import conclusions, find_onset, notable, say_change, untested
 from aeolid.fleet.plan import Plan, find_recordings, parse_window
 from aeolid.fleet.summary import load, merge_all, save, summarise
 from aeolid.fleet.tasks import Period
@@ -245,7 +245,8 @@ def test_drift_is_the_weighted_line():
     assert found["slope_std"] == pytest.approx(np.sqrt(np.linalg.inv(design.T @ design)[1, 1]))
     assert found["change"] == pytest.approx(2.0)
     assert drift(t[:2], t[:2], s[:2]) is None
-    assert drift(t, t, [*s[:4], None]) is None
+    assert drift(t, 2 + 0.5 * t, [*s[:4], None]) == drift(t[:4], 2 + 0.5 * t[:4], s[:4])
+    assert drift(t, t, [*s[:2], None, np.nan, 0.0]) is None
 
 
 def test_names_of_periods_and_turbines(plan, tmp_path, monkeypatch):
@@ -307,7 +308,21 @@ def test_the_onset_of_a_change_is_found_with_its_interval():
     assert inside >= 85 and changed >= 90
     line = find_onset(t, 5 - 0.01 * t + s * rng.standard_normal(52), s)
     assert line["from_start"] and line["change"] == pytest.approx(-0.51, abs=0.05)
-    assert find_onset(t[:4], t[:4], s[:4]) is None and find_onset(t, t, [None, *s[1:]]) is None
+    assert find_onset(t[:4], t[:4], s[:4]) is None and find_onset(t[:5], t[:5], [None, *s[1:5]]) is None
+    assert find_onset(t, t, [None, *s[1:]]) == find_onset(t[1:], t[1:], s[1:])
+
+
+@pytest.mark.parametrize(("periods", "trials"), [(5, 1500), (10, 600), (20, 200)])
+def test_scatter_beyond_the_deviations_names_no_change(periods, trials):
+    """Modes that stay and scatter by twice their deviations: next to none of 100 is named, however few periods."""
+    rng, t = np.random.default_rng(1), np.arange(float(periods))
+    named = 0
+    for _ in range(trials):
+        s = 1e-3 * rng.uniform(0.8, 1.2, periods)
+        onset = find_onset(t, 0.33 + 2 * s * rng.standard_normal(periods), s)
+        facts = {"frequency_hz": {"onset": onset}, "damping": {"first": 0.02, "last": 0.02}, "periods": periods}
+        named += notable(facts, periods)
+    assert named <= trials * 1e-3
 
 
 def test_scatter_beyond_the_deviations_widens_the_interval_of_the_onset():
@@ -353,3 +368,21 @@ def test_the_plant_of_the_study_falls_by_three_percent_from_day_120_on():
         modes = identify_varx([record], past=20, order=4).modes
         for mode, true in zip(modes, (study.frequency_at(day), 0.9), strict=True):
             assert abs(mode.frequency_hz - true) < 4 * mode.frequency_std_hz < 0.02
+
+
+def test_what_could_not_be_tested_is_said():
+    """Too few periods, or too few deviations: not "no mode moved", which holds of the other turbines alone."""
+    t, s = np.arange(8.0), [0.01] * 8
+
+    def own(turbine, periods, deviations):
+        onset = find_onset(t[:periods], 5 + 0 * t[:periods], deviations)
+        facts = {"frequency_hz": {"onset": onset}, "damping": {"first": 0.02, "last": 0.02}, "periods": periods}
+        return facts | {"turbine": turbine}
+
+    tracks, count = [own("A", 8, s), own("B", 3, s[:3]), own("C", 8, [None] * 8)], {"A": 8, "B": 3, "C": 8}
+    left = untested(tracks, count)
+    assert (
+        left[0] == "B: not tested: 3 periods, 5 are needed" and len(left) == 2 and left[1].startswith("C: not tested")
+    )
+    assert conclusions({"moved": [], "untested": left, "turbines": 3})[0] == "no mode moved by more than chance"
+    assert conclusions({"moved": [], "untested": left, "turbines": 2}) == left

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as parquet
@@ -13,8 +14,9 @@ import pytest
 from aeolid.cli.main import main
 from aeolid.fleet import tasks, workers
 from aeolid.fleet.plan import Plan, find_recordings
-from aeolid.fleet.run import Skipped, _group, _tracks, run_fleet
+from aeolid.fleet.run import Skipped, _group, _mark_tracks, _tracks, run_fleet
 from aeolid.fleet.tables import SCHEMA, mode_rows, write_models
+from aeolid.fleet.tasks import FileDone
 from aeolid.formats import write_table
 from aeolid.models.recursion import run_states
 from aeolid.plants.lti import simulate_fourth_order
@@ -185,6 +187,7 @@ def test_a_mode_that_falls_is_named_with_size_and_time(tmp_path, capsys):
     assert main(["fleet", str(tmp_path / "data"), *words]) == 0
     facts = json.loads((tmp_path / "out" / "fleet.json").read_text())
     (told,) = facts["moved"]
+    capsys.readouterr()
     assert main(["fleet", str(tmp_path / "data"), *words, "--fail-on-change"]) == 1  # the factors are those of before
     changes = {r.tags["mode"]: r for r in rows_of_fleet(facts) if r.measurement == "fleet_change"}
     assert changes["0"].values["moved"] == 1 and sum(r.values["moved"] for r in changes.values()) == 1
@@ -396,3 +399,43 @@ def test_one_order_a_turbine_is_chosen(folder, plan, tmp_path):
     assert set(facts["order_reasons"]) == {"T0", "T1"}
     for turbine in ("T0", "T1"):
         assert len({p["order"] for p in facts["periods"] if p["turbine"] == turbine}) == 1
+
+
+def test_a_change_that_cannot_be_tested_is_no_pass(folder, fresh, tmp_path, capsys):
+    """Three periods: the summary and the page say so, and --fail-on-change ends with 4, its files written."""
+    words = ["--roles", str(folder / "roles.toml"), "--past", "8", "--order", "4", "--out", str(tmp_path / "out")]
+    command = ["fleet", str(folder / "data"), *words, "--workers", "1"]
+    assert main(command) == 0
+    told = capsys.readouterr().out
+    assert "T0: not tested: 3 periods, 5 are needed" in told and "by more than chance" not in told
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "not tested: 3 periods" in page and "No mode moved" not in page
+    (tmp_path / "out" / "fleet.json").unlink()
+    assert main([*command, "--fail-on-change"]) == 4
+    assert "T0: not tested" in capsys.readouterr().err and (tmp_path / "out" / "fleet.json").is_file()
+
+
+def period_facts(turbine, number, middle_s, frequency_hz):
+    pole = np.exp(0.1 * 2j * np.pi * frequency_hz * (1 + 0.02j))
+    mode = {"eigenvalue": [pole.real, pole.imag], "shape": [[1, 0]], "frequency_hz": frequency_hz, "damping": 0.02,
+            "frequency_std_hz": 1e-4, "damping_std": 1e-3, "name": "tower", "rotor_order": None}  # fmt: skip
+    return {"turbine": turbine, "period": str(number), "start_s": middle_s, "middle_s": middle_s,
+            "sample_time_s": 0.1, "modes": [mode]}  # fmt: skip
+
+
+def test_the_clock_of_one_turbine_says_nothing_of_another():
+    """Undated periods of one turbine are counted, whatever the clock of the other begins with."""
+    for start in (0.0, 12.5):
+        periods = [period_facts("A", k, 0.0, 0.33 * (1 - 0.005 * k)) for k in range(10)]
+        periods += [period_facts("B", k, start, 0.33) for k in range(10)]
+        periods += [period_facts("C", k, 1.7e9 + DAY * k, 0.33) for k in range(10)]
+        _mark_tracks(periods)
+        found = {t["turbine"]: t for t in _tracks(periods)}
+        assert [found[name]["per"] for name in "ABC"] == ["period", "period", "day"]
+        assert found["A"]["frequency_hz"]["onset"]["change"] == pytest.approx(-0.33 * 0.045)
+
+
+def test_numbered_periods_are_in_the_order_of_their_numbers(plan):
+    group = replace(plan, group=r"(?P<turbine>T\d)/(?P<period>week\d+)", window_s=None)
+    done = [FileDone(f"park/T1/week{k}.csv", None, f"h{k}", f"f{k}", 0.0, 0.1, 100) for k in range(1, 13)]
+    assert [p.label for p in _group(done, group, Skipped())] == [f"week{k}" for k in range(1, 13)]

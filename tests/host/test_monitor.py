@@ -7,12 +7,15 @@ import json
 import re
 import socket
 import threading
+import time
 import tracemalloc
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
+import can_frames
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -24,7 +27,7 @@ from aeolid.can.description import Description
 from aeolid.can.node import Node
 from aeolid.can.reception import Reception
 from aeolid.can.runs import RunRecorder
-from aeolid.can.wire import Frames, no_frames
+from aeolid.can.wire import Frames, no_frames, pack_frames
 from aeolid.errors import UsageError
 from aeolid.identify.live import LiveMode
 from aeolid.models.modes import Mode
@@ -35,6 +38,7 @@ from aeolid.monitor.remedies import findings
 from aeolid.monitor.server import PAGE, PageServer, is_own_name
 from aeolid.monitor.terminal import render
 from aeolid.monitor.track import RECENT, VALUES, WHOLE, Track
+from aeolid.publish.rows import prometheus_text, rows_of_monitor
 
 NASTY = "<img src=x onerror=alert(1)>"
 
@@ -232,6 +236,7 @@ def calm(**changes: Any) -> dict[str, Any]:
         ({"contested": "the sample indices told go to and fro"}, "Two nodes seem to bear this number", "alarm"),
         ({"refused": "described itself anew more than 64 times"}, "Not followed any more: it described", "alarm"),
         ({"described": False}, "Waiting for its description", "note"),
+        ({"state": "silent", "silent_s": 30.0}, "Nothing has come of it for 30 s", "alarm"),
         ({"lost_share": 0.02}, "2.0% of the samples", "alarm"),
         ({"left_out": 5}, "without 5 samples", "alarm"),
         ({"snapshots": {"incomplete": 9}}, "9 snapshots incomplete", "alarm"),
@@ -253,6 +258,8 @@ def test_what_is_missing_is_said_with_a_remedy(changes: dict[str, Any], words: s
 
 def test_after_the_end_silence_is_no_finding() -> None:
     assert findings(calm(bus_silent_s=30.0, ended=True)) == []
+    assert findings(calm(state="silent", silent_s=30.0, over="done")) == []
+    assert len(findings(calm(state="silent", silent_s=30.0, bus_silent_s=30.0))) == 1  # of the bus
     cautious = {"rows": [{"output": "y", "outside": [9, 9]}], "caution": "short memory"}
     assert findings(calm(innovations=cautious)) == []
 
@@ -402,3 +409,60 @@ def test_every_flag_of_a_filter_has_a_remedy() -> None:
     from aeolid.monitor.remedies import HEALTH as REMEDIES
 
     assert REMEDIES.keys() == FLAGS.keys()
+
+
+def test_a_node_that_falls_silent_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two nodes, one of which loses its power: its state, an alarm, an event and the published row say so."""
+    ahead = 0.0
+    monkeypatch.setattr("aeolid.monitor.board.time", SimpleNamespace(monotonic=lambda: time.monotonic() + ahead))
+    reception = Reception(Silent(), RunRecorder(None), bit_rate=5e5, data_bit_rate=2e6)
+    board = Board()
+    board.watch(reception, None)
+
+    def hear(rows: list[can_frames.Row]) -> None:
+        reception._take(pack_frames(rows))
+        board.tick()
+
+    hear([r for node in (1, 2) for r in [*can_frames.describe(node), *can_frames.samples(0, 30, node)]])
+    assert [n["state"] for n in board.facts["nodes"]] == ["running", "running"]
+    for k in range(1, 4):
+        ahead += 5.0
+        hear(can_frames.samples(30 * k, 30, 1))
+    assert [n["state"] for n in board.facts["nodes"]] == ["running", "silent"]
+    (found,) = [f for f in board.facts["findings"] if f["level"] == "alarm"]
+    assert found["node"] == 2 and "for 15 s" in found["what"]
+    assert board.facts["events"][-1]["text"] == "Node 2 has fallen silent."
+    told = prometheus_text(rows_of_monitor(board.facts))
+    assert 'aeolid_node_running{node="2"} 0' in told and 'aeolid_node_silent_s{node="2"} 15' in told
+    hear(can_frames.samples(30, 30, 2))
+    assert board.facts["nodes"][1]["state"] == "running"
+
+
+@pytest.mark.parametrize("fails", ["tick", "end"])
+def test_facts_that_cannot_be_spelt_stop_neither_page_nor_end(fails: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A number that JSON does not know costs the display, which says so; the thread and the farewell go on."""
+    board = Board()
+    fill(board)
+    server = PageServer(board, "127.0.0.1", 0)
+
+    def spoil(*_: Any) -> None:
+        board.facts = board.facts | {"odd": float("nan")}
+
+    monkeypatch.setattr(board, fails, spoil)
+    server.renew()
+    server.farewell("done")
+    told = json.loads(server.facts_json)
+    assert "The display has stopped" in told["findings"][0]["what"]
+    server.close()
+
+
+def test_settings_of_a_node_that_are_no_numbers_are_told_as_none() -> None:
+    """What a page gets can be spelt whatever a description or a mode holds."""
+    d = Description(**{**describe().__dict__, "forgetting": np.nan, "regularisation": np.inf})
+    board = Board()
+    reception = fill(board)
+    reception.assembly.nodes[3].now = configure(d)
+    board.tick()
+    (facts,) = board.facts["nodes"]
+    assert facts["forgetting"] is None and facts["regularisation"] is None
+    json.dumps(board.facts, allow_nan=False)

@@ -8,6 +8,7 @@ import shutil
 import socket
 import struct
 import subprocess
+import threading
 import time
 import urllib.error
 import urllib.parse
@@ -23,6 +24,7 @@ from hypothesis import strategies as st
 from test_monitor import fill, get
 
 from aeolid.cli.main import main
+from aeolid.cli.publishing import publish_once
 from aeolid.errors import UsageError
 from aeolid.monitor.board import Board
 from aeolid.monitor.server import PageServer
@@ -207,7 +209,8 @@ def test_periods_of_a_fleet_keep_their_time() -> None:
 @pytest.mark.parametrize(
     ("url", "told"),
     [("ftp://x/y", "not understood"), ("mqtt://", "not understood"), ("mqtt://u:p@h/t", "AEOLID_PUBLISH_PASSWORD"),
-     ("mqtt://h/a/+/b", "for those who subscribe"), ("http://h:port/", "no address")],
+     ("mqtt://h/a/+/b", "for those who subscribe"), ("http://h:port/", "no address"),
+     ("http://h/write?db=my park", "write %20"), ("http://h/write?db=x\n", "no blanks")],
 )  # fmt: skip
 def test_a_target_that_is_none_is_refused_before_anything_is_opened(
     url: str, told: str, capsys: pytest.CaptureFixture[str]
@@ -234,3 +237,81 @@ def test_dashboard_and_alarms_ask_for_what_there_is() -> None:
     asked += re.findall(r"expr: (.*)", rules)
     used = set(re.findall(r"aeolid_\w+", " ".join(asked)))
     assert len(asked) > 10 and used <= known, used - known
+
+
+@contextmanager
+def talker(answer: bytes) -> Iterator[int]:
+    """Serve this answer, which is no HTTP, to whoever asks; yields the port."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+
+        def serve() -> None:
+            while True:
+                try:
+                    taken, _ = listening.accept()
+                except OSError:
+                    return
+                with taken:
+                    taken.recv(4096)
+                    taken.sendall(answer)
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield listening.getsockname()[1]
+        listening.shutdown(socket.SHUT_RDWR)
+
+
+def test_an_answer_that_is_no_http_is_a_failure_like_others() -> None:
+    """The attempt goes on, other targets have their rows, and what is sent once is told as not sent."""
+
+    class Odd:
+        def send(self, rows: Any, now_s: float) -> None:
+            raise RuntimeError("odd")
+
+        def close(self) -> None:
+            return None
+
+    with talker(b"SSH-2.0-OpenSSH\r\n") as port:
+        target = target_of(f"http://127.0.0.1:{port}/write?db=x")
+        with pytest.raises(OSError, match="no HTTP"):
+            target.send([MODE], 1.0)
+        said: list[str] = []
+        publisher = Publisher([("odd", Odd()), ("here", target)], lambda: [MODE], said.append, every_s=3600.0)
+        publisher.turn()
+        publisher.turn()
+        assert publisher.failed == {"odd": 2, "here": 2} and len(said) == 2
+        publish_once([("odd", Odd()), ("here", target)], [MODE])
+        publisher.close()
+
+
+def test_a_connection_that_went_between_two_messages_loses_none() -> None:
+    """A broker that closes after every ping: the next message comes on a fresh connection; no keep-alive ends one."""
+    heard: list[bytes] = []
+
+    def serve(listening: socket.socket) -> None:
+        while True:
+            try:
+                taken, _ = listening.accept()
+            except OSError:
+                return
+            with taken:
+                heard.append(taken.recv(4096))
+                taken.sendall(b"\x20\x02\x00\x00")
+                said = b""
+                while not said.endswith(b"\xc0\x00"):
+                    said += taken.recv(4096)
+                heard.append(said)
+                taken.sendall(b"\xd0\x00")
+
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        threading.Thread(target=serve, args=(listening,), daemon=True).start()
+        target = target_of(f"mqtt://127.0.0.1:{listening.getsockname()[1]}/park")
+        for k in range(3):
+            target.send([MODE], float(k))
+            time.sleep(0.05)
+        target.close()
+        listening.shutdown(socket.SHUT_RDWR)
+    assert len(heard) == 6 and all(b'"time_s": %d.0' % k in heard[2 * k + 1] for k in range(3))
+    assert all(first[10:12] == b"\0\0" for first in heard[::2])

@@ -52,8 +52,8 @@ def receive_for_ever(kind: str, folder: Path) -> None:
 
 def recover(kind: str, folder: Path) -> np.ndarray:
     """Return the rows of what was left (samples, channels), as a user would read them."""
+    from aeolid.can.assembly import Assembly
     from aeolid.can.logs import open_log
-    from aeolid.can.node import Assembly
     from aeolid.formats import read_record
     from aeolid.record import Roles
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from aeolid.can.node import Assembly, Node
+from aeolid.can.assembly import Assembly
+from aeolid.can.node import Node
 from aeolid.can.recorder import build_records, read_log, write_markov
 from aeolid.can.runs import RunRecorder
 from aeolid.can.snapshots import MarkovSnapshot

@@ -219,11 +219,14 @@ class ClockKeeper:
 
     @staticmethod
     def _place(runs: list[ClockPairs], index: int, time_s: float, h: float) -> int:
+        start = index & 0xFFFF
         if runs and runs[-1].sample_time_s == h and runs[-1].last is not None:
             last, at = runs[-1].last
             passed_s = time_s - at
             near = last + (index - last + 32768) % 65536 - 32768
-            if -BACK <= near - last <= JUMP and passed_s < MOMENT_S:  # what is read at once has one time for all of it
+            if (
+                -BACK <= near - last <= JUMP and abs(passed_s) < MOMENT_S
+            ):  # what is read at once has one time for all of it
                 return near
             expected = last + passed_s / runs[-1].rate()
             turned = index + round((expected - index) / 65536) * 65536
@@ -233,11 +236,13 @@ class ClockKeeper:
                 and turned >= last - BACK
             ):
                 return turned
+            if -BACK <= near - last <= JUMP:  # the host's clock was set, and the node goes on
+                start = near
         if runs:
             runs[-1].end()
         runs.append(ClockPairs(h))
         del runs[:-RUNS_MAX]
-        return index & 0xFFFF
+        return start
 
 
 def first_channels(frames: Frames, base: int = BASE) -> list[tuple[int, Index, Array]]:

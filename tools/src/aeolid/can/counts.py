@@ -125,6 +125,8 @@ class Counts:
                 best, found = count, step
                 if step > 0 and count is self.believed[-1]:
                     break  # the count believed goes first, whatever strays lie about
+        if best is None:
+            best, found = self._after_hole(low)
         if best is not None:
             return best, best.last + found
         count = Count(first=low, last=low)
@@ -136,6 +138,18 @@ class Counts:
             self._drop(min(self._rivals, key=lambda rival: (rival.taken, rival.touched)))
         self._rivals.append(count)
         return count, low
+
+    def _after_hole(self, low: int) -> tuple[Count | None, int]:
+        """Return the rival that an index goes on with over a hole, and the step, while the count believed is silent.
+
+        A bursty link brings fewer samples between two holes than a rival needs; as long as the count believed sends
+        nothing beside it, the bursts are one rival's.
+        """
+        for rival in sorted(self._rivals, key=lambda rival: -rival.touched):
+            step = (low - rival.last + 32768) % 65536 - 32768
+            if 0 < step <= self._jump and rival.other_at == self.believed[-1].taken:
+                return rival, step
+        return None, 0
 
     def _note(self, count: Count, last: int, messages: int) -> None:
         """Note that a count went on; a rival may take the place of the one believed."""

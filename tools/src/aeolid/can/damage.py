@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import gzip
 import struct
 from pathlib import Path
 
 _BLF_HEAD = struct.Struct("<4sL8xQQLL")  # signature, header size, file size, uncompressed size, objects, objects read
 _BLF_OBJECT = struct.Struct("<4sHHLL")  # signature, header size, header version, object size, type
-_TAIL, _HEAD = 1 << 12, 1 << 16
+_TAIL, _HEAD, _PART = 1 << 12, 1 << 16, 1 << 20
 
 
 def find_damage(path: Path, frames: int) -> str | None:
     """Say how a log that could be read to its end is damaged, None when it is whole.
 
-    frames: how many were read. Cost: BLF one seek for each container (128 kB of frames), else the file's two ends.
+    frames: how many were read. Cost: BLF one seek for each container (128 kB of frames), of a packed text all
+    of it, else the file's two ends.
     """
     name = path.name.lower()
     if name.endswith(".blf"):
         return _blf(path)
-    if name.endswith(".asc"):
-        return _asc(path)
-    if name.endswith(".log"):
-        return _text_end(path)
+    if name.endswith((".asc", ".log", ".trc", ".gz")):
+        head, tail = _both_ends(path)
+        return _asc(head, tail) if name.removesuffix(".gz").endswith(".asc") else _text_end(tail)
     return _mf4(path, frames) if name.endswith(".mf4") else None
 
 
@@ -46,20 +47,28 @@ def _blf(path: Path) -> str | None:
     return f"its header says {told} bytes, the file has {size}"
 
 
-def _asc(path: Path) -> str | None:
-    with open(path, "rb") as handle:
-        head = handle.read(_HEAD).lower()
-        handle.seek(max(0, path.stat().st_size - _TAIL))
-        tail = handle.read().lower()
-    if b"begin triggerblock" in head and b"end triggerblock" not in tail:
+def _both_ends(path: Path) -> tuple[bytes, bytes]:
+    """Return the beginning and the end of a text; a packed one may have been cut before it was packed."""
+    if not path.name.lower().endswith(".gz"):
+        with open(path, "rb") as handle:
+            head = handle.read(_HEAD)
+            handle.seek(max(0, path.stat().st_size - _TAIL))
+            return head, handle.read()
+    with gzip.open(path) as packed:
+        head = tail = packed.read(_HEAD)
+        while part := packed.read(_PART):
+            tail = (tail + part)[-_TAIL:]
+    return head, tail
+
+
+def _asc(head: bytes, tail: bytes) -> str | None:
+    if b"begin triggerblock" in head.lower() and b"end triggerblock" not in tail.lower():
         return "it ends without End TriggerBlock: the log was cut, or its recorder killed"
-    return _text_end(path)
+    return _text_end(tail)
 
 
-def _text_end(path: Path) -> str | None:
-    with open(path, "rb") as handle:
-        handle.seek(-1, 2)
-        return None if handle.read() in (b"\n", b"\r") else "its last line is not ended: the log was cut there"
+def _text_end(tail: bytes) -> str | None:
+    return None if tail[-1:] in (b"\n", b"\r") else "its last line is not ended: the log was cut there"
 
 
 def _mf4(path: Path, frames: int) -> str | None:

@@ -80,7 +80,27 @@ class DescriptionCollector:
         self.version: int | None = None
         self.problem: str | None = None
         self._hash: int | None = None
+        self._force = np.zeros((0, 2), np.int64)  # key and value of each part of the newest description, in order
         self._clear()
+
+    def forget(self) -> None:
+        """Leave out the parts gathered so far: they may be of another configuration than those to come."""
+        self._clear()
+
+    def contradicts(
+        self, item: NDArray[np.uint8], index: NDArray[np.uint16], value: NDArray[np.uint32]
+    ) -> NDArray[np.bool_]:
+        """Tell of parts (n,) which ones the newest description does not have."""
+        key = item.astype(np.int64) << 16 | index.astype(np.int64)
+        if not len(self._force):
+            return np.zeros(len(key), bool)
+        at = np.minimum(np.searchsorted(self._force[:, 0], key), len(self._force) - 1)
+        same = (self._force[at, 0] == key) & (self._force[at, 1] == value.astype(np.int64))
+        other = np.flatnonzero(~same)
+        other = other[[self._fits(int(item[k]), int(index[k])) for k in other]] if len(other) else other
+        result = np.zeros(len(key), bool)
+        result[other] = True
+        return result
 
     def _clear(self) -> None:
         self._parts: dict[tuple[int, int], dict[int, int]] = {}  # (item, index) -> value -> how often it came
@@ -223,6 +243,8 @@ class DescriptionCollector:
             tuple(units), method, max(1, shape >> 24),
         )  # fmt: skip
         self.problem = _find_problem(result)
+        if not self.problem:
+            self._force = np.array(sorted((item << 16 | index, parts[item, index]) for item, index in parts), np.int64)
         self._clear()
         return None if self.problem else result
 
@@ -275,6 +297,10 @@ def _find_problem(d: Description) -> str | None:
         return f"describes {d.values_a_frame} values a frame; 1 and on CAN FD {FD_VALUES} are read"
     if not (np.isfinite(d.offset).all() and np.isfinite(d.scale).all() and (d.scale > 0).all()):
         return "describes an offset or scale that is no number or not above 0"
+    if not 0 < d.forgetting <= 1:
+        return f"describes a forgetting factor of {d.forgetting:g}; one above 0 and at most 1 is read"
+    if not 0 <= d.regularisation < np.inf:
+        return f"describes a regularisation of {d.regularisation:g}; a number not below 0 is read"
     if not 1e-6 <= d.sample_time_s <= 1e4:
         return f"describes a sample time of {d.sample_time_s} s"
     if not 1 <= d.parameters <= 65536 or d.parameters % d.outputs:

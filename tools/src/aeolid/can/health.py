@@ -11,7 +11,10 @@ DEPTH = 8  # messages of an item that are kept
 GROWTH = 16  # times as much as in the messages before may a counter grow around one that is believed, and …
 GROWTH_FREE = 256  # … so much at any time
 GOODBYES = 2  # closing messages that end a stream; one is enough once nothing more can come
-BACK_LEAST, BACK_SHARE = 16, 4  # times the index went back, and of so many told, before two nodes are supposed
+BACK_LEAST, BACK_SHARE = (
+    16,
+    4,
+)  # times the index leapt back and forth, and of so many told, before two nodes are supposed
 
 
 class Health:
@@ -23,7 +26,8 @@ class Health:
         self._flags: deque[tuple[int, int]] = deque(maxlen=DEPTH)
         self._goodbyes: dict[tuple[int, int], int] = {}  # (flags, value) -> how often
         self._told: dict[str, int] = {}
-        self._indices = self._back = 0  # sample indices told, and those below the one before
+        self._indices = self._back = 0  # sample indices told, and how often they leapt back and forth again
+        self._left: tuple[int, int] | None = None  # the index before the last leap back, and the one after it
 
     def take(self, tag: int, flags: int, value: int, place: int) -> None:
         """Take one message."""
@@ -34,12 +38,21 @@ class Health:
         told = self._items.setdefault(name, deque(maxlen=DEPTH))
         if tag == 0:
             self._indices += 1
-            self._back += bool(told) and value < told[-1][0]
+            self._compare(told[-1][0] if told else value, value)
         told.append((value, place))
         if flags & STOPPED and tag == 0:
             key = (flags, value)
             if key in self._goodbyes or len(self._goodbyes) < DEPTH:
                 self._goodbyes[key] = self._goodbyes.get(key, 0) + 1
+
+    def _compare(self, before: int, value: int) -> None:
+        """Note leaps to and fro; a count that starts anew, however often, comes back by its own steps."""
+        if value < before:
+            self._left = before, value
+        elif self._left is not None and value > self._left[0]:
+            high, low = self._left
+            self._back += 2 * (value - before) > high - low
+            self._left = None
 
     @property
     def is_double(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 
 from aeolid import output
@@ -105,3 +106,10 @@ def hints(log: Path | None, k: int) -> list[str]:
         if (left := left_of(name)) is not None:
             found.append(hint(left, name if not name.exists() else output.numbered(log, k + j)))
     return found
+
+
+def discard(paths: Iterable[Path | None]) -> None:
+    """Remove files that were begun for a reception that did not come about: they would bar its next attempt."""
+    for path in paths:
+        if path is not None:
+            path.unlink(missing_ok=True)

@@ -10,39 +10,30 @@ from aeolid.can.configuration import Configuration
 from aeolid.can.description import WIRE, DescriptionCollector
 from aeolid.can.garbling import Garbling
 from aeolid.can.health import Health
-from aeolid.can.limits import (
-    CONFIGURATIONS_MAX,
-    EARLY_MAX,
-    MUTE_LEAST,
-    NODE_BYTES,
-    NODES_MAX,
-    PART_BYTES,
-    PREVIOUS_KEPT,
-    TOTAL_BYTES,
-)
+from aeolid.can.limits import CONFIGURATIONS_MAX, EARLY_MAX, PART_BYTES, PREVIOUS_KEPT
+from aeolid.can.recount import find_recount
 from aeolid.can.samples import SampleStore
 from aeolid.can.snapshots import MarkovSnapshot, SnapshotStore
 from aeolid.can.wire import (
-    BASE,
     BEGIN,
     DESCRIPTION,
     END,
-    ERROR,
-    GARBLED,
     HEALTH,
     KINDS,
     PARAMETER,
     PARAMETER_FD,
     REPAIR,
     REPAIR_FD,
+    SAMPLE,
+    SAMPLE_FD,
     SEAL_INNOVATION,
-    Frames,
+    STOPPED,
     Messages,
-    decode,
     join_messages,
 )
 
-__all__ = ["Assembly", "Configuration", "Node"]
+__all__ = ["Configuration", "Node"]
+RECOUNT, PART = (-1, 0), (-1, 1)  # stand for the head of a configuration that is known to be doubtful only
 SNAPSHOT_KINDS = np.isin(np.arange(KINDS), (BEGIN, PARAMETER, REPAIR, END, PARAMETER_FD, REPAIR_FD))
 
 
@@ -72,6 +63,7 @@ class Node:
         self._gone = 0  # messages left out of configurations that are no longer kept
         self._head: tuple[int, int] | None = None  # of the configuration in force
         self._rumour: tuple[int, int, int] | None = None  # head of another one, with the place where it was first heard
+        self._index: int | None = None  # of the sample heard last, modulo 65536
 
     @property
     def problem(self) -> str | None:
@@ -157,15 +149,47 @@ class Node:
             self.refused_out += len(m)
             return
         parts = m.kind == DESCRIPTION
-        waits = self.now is None or self._rumour is not None
-        if waits and parts.any():
+        if (self.now is None or self._rumour is not None) and parts.any():
+            if self._rumour is not None and self._rumour[:2] == RECOUNT and (at := self._contradicted(m)) is not None:
+                self._rumour = (*PART, int(m.place[at]))
             self._describe(m.take(parts))
-            waits = self.now is None or self._rumour is not None
-        rest = m.take(~parts) if parts.any() else m
-        if waits:
-            self._keep(rest)
-        elif self.now is not None:
-            self._use(self.now, rest)
+            m, parts = m.take(~parts), np.zeros(0, bool)
+        if self.now is not None and self._rumour is None:
+            self._follow(self.now, m)
+        else:
+            self._keep(m.take(~parts) if parts.any() else m)
+            self._index = _last_sample(m, self._index)
+
+    def _follow(self, now: Configuration, m: Messages) -> None:
+        """Give messages to the configuration in force, those before something makes it doubtful."""
+        is_sample = np.flatnonzero((m.kind == SAMPLE) | (m.kind == SAMPLE_FD))
+        found = find_recount(m.index[is_sample], self._index, now.description.sample_every)
+        anew, part = None if found is None else int(is_sample[found]), self._contradicted(m)
+        at = min((x for x in (anew, part) if x is not None), default=len(m))
+        sure = m.take(slice(0, at)) if at < len(m) else m
+        described = sure.kind == DESCRIPTION
+        self._use(now, sure.take(~described) if described.any() else sure)
+        self._index = _last_sample(sure, self._index)
+        if at < len(m):
+            self._collector.forget()
+            self._rumour = (*(PART if at == part else RECOUNT), int(m.place[at]))
+            self._take(m.take(slice(at, len(m))))
+
+    def _contradicted(self, m: Messages) -> int | None:
+        """Return where a part of a description first differs from the one in force, on a quiet bus."""
+        parts = np.flatnonzero((m.kind == DESCRIPTION) & (m.tag != WIRE))
+        if not len(parts) or self.now is None:
+            return None
+        other = parts[self._collector.contradicts(m.tag[parts], m.index[parts], m.value[parts])]
+        if len(other):
+            other = other[self._garbling.is_quiet(m.place[other], m.place[other])]
+        return int(other[0]) if len(other) else None
+
+    def doubt(self) -> None:
+        """Note that the node may have been set up anew: what follows waits until its head is heard."""
+        if self.now is not None and self._rumour is None and not self.stopped:
+            self._collector.forget()
+            self._rumour = (*RECOUNT, self._garbling.frames)
 
     def configurations(self) -> list[Configuration]:
         """List all configurations that sent something, oldest first."""
@@ -178,7 +202,10 @@ class Node:
     def close(self) -> None:
         """Finish what is under way."""
         if self._rumour is not None and self.now is not None:
-            if self._garbling.quiet_at(self._rumour[2]):  # a new configuration that had no time to describe itself
+            told = self._rumour[:2] != RECOUNT  # a new count alone contradicts nothing
+            if told and self._garbling.quiet_at(
+                self._rumour[2]
+            ):  # a new configuration that had no time to describe itself
                 self.early_lost += self._kept
                 self._early, self._kept = [], 0
             else:
@@ -228,12 +255,20 @@ class Node:
                 self._early.append(m)
                 merge_tail(self._early, join_messages)
                 self._kept += len(m)
+            ends = (m.kind == HEALTH) & (m.tag == 0) & (m.index & STOPPED != 0)
+            if ends.any() and self._rumour is not None and self._rumour[:2] == RECOUNT:
+                self._deny()  # no head will come any more
+        elif self.now is not None and self._rumour is not None and self._rumour[:2] == RECOUNT:
+            self._deny()
+            self._use(self.now, m)
         else:
             self.early_lost += len(m)
 
     def give_up(self) -> int:
         """Give up what waits, to save memory; returns how many bytes that were."""
         before = self.nbytes
+        if self._rumour is not None and self._rumour[:2] == RECOUNT:
+            self._deny()
         self.early_lost += self._kept
         self._early, self._kept = [], 0
         for configuration in self.configurations():
@@ -265,86 +300,7 @@ class Node:
             self._health.go_on()
 
 
-class Assembly:
-    """Decode batches of frames and hand them to their nodes."""
-
-    def __init__(self, base: int = BASE) -> None:
-        self.nodes: dict[int, Node] = {}
-        self.frames = 0
-        self.foreign = 0
-        self.damaged = 0
-        self.garbled = 0
-        self.forgotten = self.forgotten_messages = 0  # numbers that had to make room undescribed, their messages
-        self._base = base
-        self._garbling = Garbling()
-
-    def feed(self, frames: Frames) -> None:
-        """Take one batch in the order of arrival."""
-        if not len(frames) and not frames.garbled:
-            return
-        messages = decode(frames, self._base, self.frames)
-        garbled = np.flatnonzero(frames.flags & GARBLED)
-        self._garbling.add(garbled + self.frames)
-        if frames.garbled:  # where among the frames is not known
-            self._garbling.add_stretch(self.frames, self.frames + len(frames))
-        self._garbling.add(messages.damaged_at)
-        self.frames += len(frames)
-        self._garbling.frames = self.frames
-        self.foreign += messages.foreign - int(np.count_nonzero(frames.flags & (ERROR | GARBLED)))
-        self.damaged += messages.damaged
-        self.garbled += frames.garbled + len(garbled)
-        order = np.argsort(messages.node, kind="stable")
-        numbers, starts = np.unique(messages.node[order], return_index=True)
-        stops = np.append(starts[1:], len(order))
-        for number, start, stop in zip(numbers.tolist(), starts, stops, strict=False):  # none: one stop too many
-            node = self.nodes.get(number)
-            if node is None:
-                if not self._has_place() and not self._forget_one():
-                    continue
-                node = self.nodes[number] = Node(number, self._garbling)
-            node.add(messages if len(numbers) == 1 else messages.take(order[start:stop]))
-
-    def _has_place(self) -> bool:
-        """Tell whether one more number that has not described itself can be followed."""
-        mute = sum(not node.changes for node in self.nodes.values())
-        return mute < max(NODES_MAX - (len(self.nodes) - mute), MUTE_LEAST)
-
-    def _forget_one(self) -> bool:
-        """Give up the number with the fewest messages that never described itself: garbled ones must bar no node."""
-        mute = [node for node in self.nodes.values() if not node.changes]
-        if not mute:
-            return False
-        least = self.nodes.pop(min(mute, key=lambda node: node.messages).number)
-        self.forgotten, self.forgotten_messages = self.forgotten + 1, self.forgotten_messages + least.messages
-        return True
-
-    @property
-    def nbytes(self) -> int:
-        """Return the bytes that are held."""
-        return sum(node.nbytes for node in self.nodes.values())
-
-    def keep_within(self, each: int = NODE_BYTES, total: int = TOTAL_BYTES) -> int:
-        """Have nodes that hold too much give up what waits; returns the bytes held after that.
-
-        Each node may hold `each` bytes, all of them `total`; beyond, those that hold most come first.
-        """
-        held = {number: node.nbytes for number, node in self.nodes.items()}
-        for number in [n for n, size in held.items() if size > each]:
-            held[number] -= self.nodes[number].give_up()
-        left = sum(held.values())
-        for number in sorted(held, key=lambda n: -held[n]) if left > total else ():
-            if left <= total:
-                break
-            left -= self.nodes[number].give_up()
-        return left
-
-    def close(self) -> None:
-        """Finish what is under way; nothing more will come."""
-        self._garbling.closed = True
-        for node in self.nodes.values():
-            node.close()
-
-    def all_stopped(self) -> bool:
-        """Tell whether every node that can be read has said goodbye, and there is one."""
-        readable = [n for n in self.nodes.values() if n.problem is None and n.now is not None]
-        return bool(readable) and all(n.stopped for n in readable)
+def _last_sample(m: Messages, before: int | None) -> int | None:
+    """Return the index of the newest sample, modulo 65536."""
+    at = np.flatnonzero((m.kind == SAMPLE) | (m.kind == SAMPLE_FD))
+    return int(m.index[at[-1]]) if len(at) else before

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from aeolid.can.assembly import Assembly
 from aeolid.can.clock import ClockKeeper
 from aeolid.can.limits import FLUSH_S, GATHER_FRAMES, GATHER_S, HELD_SPARE, TOTAL_BYTES
-from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RawLog
 from aeolid.can.runs import RunRecorder
 from aeolid.can.source import Source
@@ -73,6 +73,7 @@ class Reception:
         self.gather_s = GATHER_S
         self._rates = bit_rate, data_bit_rate
         self._looked = self.began
+        self._interruptions = source.interruptions
 
     @property
     def seconds(self) -> float:
@@ -157,6 +158,9 @@ class Reception:
             self._digest(frames)
 
     def _digest(self, frames: Frames) -> None:
+        if self.source.interruptions != self._interruptions:
+            self._interruptions = self.source.interruptions
+            self.assembly.doubt()
         if len(frames):
             if self.log is not None:
                 self.log.write(frames)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid import output
+from aeolid.can.assembly import Assembly
 from aeolid.can.logs import open_log
-from aeolid.can.node import Assembly, Configuration, Node
+from aeolid.can.node import Configuration, Node
 from aeolid.can.runs import Run, channels_of
 from aeolid.can.snapshots import MarkovSnapshot
 from aeolid.errors import DataError, UsageError
@@ -90,10 +91,19 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, run: Run | No
         raise DataError(str(error)) from None
 
 
+def say_twins(source: str, number: int, why: str) -> str:
+    """Return the sentence on two nodes of one number."""
+    return (
+        f"{source}: two nodes seem to bear the number {number}: {why}; give each a number of its own. What could not be"
+        f" told apart was left out, other nodes are recorded whole"
+    )
+
+
 def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:
     """Decode a CAN log: columns by channel name, among them time_s, and their units.
 
-    Raises DataError when the log is damaged, or holds no samples of a node of ours, or those of several nodes or runs.
+    Raises DataError when the log is damaged, or holds no samples of a node of ours, or those of several nodes or runs,
+    or of two nodes of one number.
     """
     assembly = Assembly()
     with closing(open_log(str(path))) as source:
@@ -105,6 +115,11 @@ def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:
             f"{path}: the log is {source.ended}; what came before is kept with"
             f" aeolid listen --bus {path} --record recording.csv"
         )
+    for node in assembly.nodes.values():
+        for configuration in node.configurations():
+            configuration.samples.judge(configuration.description.sample_every)
+        if node.contested:
+            raise DataError(say_twins(str(path), node.number, node.contested))
     records = [r for node in assembly.nodes.values() for r in build_records(node, str(path))]
     if not records:
         problems = [f"node {n.number} {n.problem}" for n in assembly.nodes.values() if n.problem]

@@ -6,9 +6,10 @@ import glob
 from collections.abc import Callable
 from pathlib import Path
 
+from aeolid.can.assembly import Assembly
 from aeolid.can.clock import ClockPairs
 from aeolid.can.limits import FILES_MAX, FILL_SHARE, RUNS_MAX
-from aeolid.can.node import Assembly, Configuration, Node
+from aeolid.can.node import Configuration, Node
 from aeolid.can.run import Run, channels_of, write_roles
 from aeolid.can.tables import SampleTable
 from aeolid.errors import DataError, UsageError
@@ -39,6 +40,8 @@ class RunRecorder:
         self.refused: dict[int, list[int]] = {}
         self._seen: dict[int, int] = {}  # node -> values that had arrived at the last look
         self._begun: dict[int, int] = {}  # node -> runs begun
+        self._written: dict[int, list[Run]] = {}  # node -> its newest two runs with rows, kept or left out
+        self._inside: dict[int, tuple[Run | None, int]] = {}  # node -> run of its newest innovations, their last index
         self._shown: dict[int, int] = {}  # node -> values that had arrived when its newest rows were shown
 
     @property
@@ -88,6 +91,8 @@ class RunRecorder:
                 run = self._run_for(number, configuration, table)
                 if run is not None:
                     run.append(table)
+                    if run not in (written := self._written.setdefault(number, [])):
+                        self._written[number] = [*written[-1:], run]
             except DataError:  # there is no file for it
                 if run is not None:
                     self.runs[number].remove(run)
@@ -166,9 +171,15 @@ class RunRecorder:
             raise DataError(f"{self._target}: nothing more can be written ({error.strerror or error})") from None
 
     def _append_innovations(self, number: int, configuration: Configuration, tables: list[SampleTable]) -> None:
-        runs = [run for run in self.runs.get(number, [])[-2:] if run.configuration is configuration and run.rows]
-        if self._folder is not None and runs:
-            runs[-1].append_innovations(tables, self._folder)
+        runs = [run for run in self._written.get(number, []) if run.configuration is configuration]
+        for table in tables if self._folder is not None and runs else ():
+            first, (run, last) = int(table.index[0]), self._inside.get(number, (None, -1))
+            if run not in runs or (run is not runs[-1] and (first <= last or first > run.last)):
+                later = runs[runs.index(run) + 1 :] if run in runs else runs
+                run = next((r for r in later if first <= r.last), runs[-1])
+            self._inside[number] = run, int(table.index[-1])
+            if self._folder is not None:
+                run.append_innovations([table], self._folder)
 
     def name(self, number: int, tag: str) -> None:
         """Complete the files of a node and give them their names. Raises DataError."""
@@ -188,9 +199,9 @@ class RunRecorder:
         """Complete the file of a node's newest run: one that starts again and again must not use up all handles."""
         if self.clocks is not None:
             self.date(number, self.clocks(number))
-            for run in self.runs[number][-1:]:
-                run.drop_innovations()
-                run.end()
+        for run in self.runs[number][-1:]:
+            run.drop_innovations()
+            run.end()
 
     def date(self, number: int, clocks: list[ClockPairs]) -> None:
         """Give each run of a node that is not complete yet the clock whose samples are its own."""

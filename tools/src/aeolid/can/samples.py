@@ -251,6 +251,12 @@ class SampleStore:
             last = int(found[-1].index[-1]) if found else last
         return tables_of(pieces, self._channels, step, share), torn
 
+    def judge(self, every: int) -> None:
+        """Count the samples held of which two versions came, as `release` does: so many, and two nodes sent them."""
+        torn = self._tables(every, SPARSE)[1]
+        self.contradicted += len(torn)
+        self.refused |= self.contradicted >= TWIN_LEAST or bool(torn and self._counts.contested)
+
     def newest(self, after: int | None, every: int) -> list[SampleTable]:
         """Return what `tables` would, but where one run goes on only its rows about and after sample `after`."""
         if after is None or len(self._segments) != 1:

@@ -20,7 +20,7 @@ from aeolid.cli.pools import (
     WorkersOption,
 )
 from aeolid.cli.publishing import PublishOption, publish_once, targets_of
-from aeolid.errors import UsageError
+from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.output import declare, make_folder
 
 if TYPE_CHECKING:
@@ -130,6 +130,8 @@ def fleet(
     emit_json(facts, json_target)
     if fail_on_change and facts["moved"]:
         raise typer.Exit(1)
+    if fail_on_change and len(facts["untested"]) == facts["turbines"]:
+        raise NotIdentifiable(f"--fail-on-change: no mode of any turbine could be tested; {facts['untested'][0]}")
 
 
 def _diagnose(
@@ -216,14 +218,17 @@ def _progress() -> Iterator[Any]:
 
 
 def _text(facts: dict[str, Any], out: Path, models: bool) -> str:
+    from aeolid.fleet.onset import conclusions
+
     lines = [
         f"{facts['usable']} of {facts['recordings']} recordings used ({facts['reused']} factors from an earlier run), "
         f"{facts['turbines']} turbines, {len(facts['periods'])} periods"
     ]
     lines += [f"  {turbine}: {reason}" for turbine, reason in facts["order_reasons"].items()]
-    lines += ["modes that moved:", *(f"  {text}" for text in facts["moved"])] if facts["moved"] else []
-    if not facts["moved"] and len(facts["periods"]) > facts["turbines"]:
-        lines.append("no mode moved by more than chance")
+    if facts["moved"]:
+        lines += ["modes that moved:", *(f"  {text}" for text in conclusions(facts))]
+    elif len(facts["periods"]) > facts["turbines"]:
+        lines += conclusions(facts)
     lines += [f"note: {note}" for note in facts["notes"]]
     if facts["skipped"]:
         lines.append(f"{len(facts['skipped'])} left out:")

@@ -20,7 +20,8 @@ from aeolid.formats.growing import GrowingTable
 
 if TYPE_CHECKING:
     from aeolid.can import Node
-    from aeolid.can.node import Assembly, Configuration
+    from aeolid.can.assembly import Assembly
+    from aeolid.can.node import Configuration
     from aeolid.can.samples import SampleTable
     from aeolid.can.snapshots import MarkovSnapshot
     from aeolid.identify.live import LiveMode, LiveModes

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json as json_module
-from contextlib import nullcontext
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -174,18 +176,35 @@ def _run(feed: Feed, options: list[str]) -> str:
     """Start the process, feed it, collect it; returns its health line."""
     from aeolid.can.software_node import SoftwareNode
 
-    node = SoftwareNode(feed, options)
-    console.print(node.address, soft_wrap=True, markup=False)
-    console.file.flush()
-    try:
+    with _interrupted_by("SIGTERM", "SIGHUP"):
+        node = SoftwareNode(feed, options)
         try:
-            _pump(node, feed)
+            console.print(node.address, soft_wrap=True, markup=False)
+            console.file.flush()
+            try:
+                _pump(node, feed)
+                return node.finish()
+            except KeyboardInterrupt:
+                node.interrupt()
             return node.finish()
-        except KeyboardInterrupt:
-            node.interrupt()
-        return node.finish()
+        finally:
+            node.kill()
+
+
+@contextmanager
+def _interrupted_by(*names: str) -> Iterator[None]:
+    """Take these signals as Ctrl-C is taken: the node's process must not outlive this one."""
+
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    kinds = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {kind: signal.signal(kind, interrupt) for kind in kinds if signal.getsignal(kind) is not signal.SIG_IGN}
+    try:
+        yield
     finally:
-        node.kill()
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
 
 
 def _pump(node: SoftwareNode, feed: Feed) -> None:

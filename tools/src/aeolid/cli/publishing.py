@@ -78,7 +78,7 @@ def publish_once(targets: Sequence[tuple[str, Target]], rows: Sequence[Row]) -> 
     for name, target in targets:
         try:
             target.send(rows, time.time())
-        except (OSError, ValueError) as error:
+        except Exception as error:  # the result is still to be written and judged
             progress_console.print(f"aeolid: --publish {name}: not sent ({error})", soft_wrap=True, markup=False)
         else:
             told = f"aeolid: --publish {name}: {len(rows)} rows sent"

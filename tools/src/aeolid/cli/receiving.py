@@ -121,8 +121,10 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     with ExitStack() as opened, _stop_requests() as requests:
         opened.callback(source.close)
         w = _declared(w, source.is_log)
+        opened.callback(leftover.discard, fresh := [])
         completed = leftover.completed_by(w.log, w.bus)
         raw = open_raw_log(w.log, leftover.second_spool(completed) if completed else None) if w.log else None
+        fresh += [] if completed or raw is None else [w.log]
         if raw is not None:
             opened.callback(raw.close)
         recorder = RunRecorder(w.record, innovations=w.markov.parent if w.markov else None, only=w.node_id)
@@ -130,6 +132,7 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
         follower = _follow(reception, w, observer) if w.modes else None
         if follower is not None:
             opened.callback(follower.finish)
+        fresh += [w.poles]
         with show(reception, follower, lambda: bool(requests)) as over:
             opened.pop_all()  # from here on they are closed in their order
             try:
@@ -139,10 +142,14 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
                 _close_all(reception, raw, follower)
         if completed and reason == "end" and source.ended == "end of file" and reception.fault is None:
             completed.unlink(missing_ok=True)  # all of it is in the log
-        for grown in [path for path in (w.log, w.poles) if path is not None and path.is_file()]:
-            output.record_written(grown)
+        _record_grown(w.log, w.poles)
         nodes = [n for n in reception.assembly.nodes.values() if w.node_id is None or n.number == w.node_id]
         _finish(reception, nodes, reason, (w.markov, follower, w.poles), w.json, w.until_end)
+
+
+def _record_grown(*paths: Path | None) -> None:
+    for grown in [path for path in paths if path is not None and path.is_file()]:
+        output.record_written(grown)
 
 
 def _say(text: str) -> None:
@@ -314,14 +321,10 @@ def _write(reception: Reception, nodes: list[Node], markov: Path | None) -> dict
 
 
 def _judge(
-    reception: Reception,
-    nodes: list[Node],
-    reason: str,
-    markov: Path | None,
-    facts: dict[str, Any],
-    until_end: bool,
-) -> None:
+    reception: Reception, nodes: list[Node], reason: str, markov: Path | None, facts: dict[str, Any], until_end: bool
+) -> None:  # fmt: skip
     """End with one sentence and code 3 when nothing usable came, the bus broke off or something was not written."""
+    from aeolid.can.recorder import say_twins
     from aeolid.cli.listen_facts import why_nothing
 
     source = reception.source
@@ -329,11 +332,8 @@ def _judge(
         why = reception.fault or "no room is left on the disk"
         raise DataError(f"{why}; reception has stopped, and what had arrived until then is kept as far as it went")
     contested = next((n for n in facts["nodes"] if n["contested"]), None)
-    if contested is not None:
-        raise DataError(
-            f"{source.name}: two nodes seem to bear the number {contested['node']}: {contested['contested']}; give"
-            f" each a number of its own. What could not be told apart was left out, other nodes are recorded whole"
-        )
+    if contested:
+        raise DataError(say_twins(source.name, contested["node"], contested["contested"]))
     usable = any(n["runs"] or n.get("snapshots", {}).get("complete") for n in facts["nodes"])
     if not usable:
         raise DataError(f"{source.name}: nothing usable arrived: {why_nothing(reception, nodes)}")

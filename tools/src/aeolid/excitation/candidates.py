@@ -81,7 +81,12 @@ def candidates(setup: Setup, goals: Sequence[Mode], wanted: Wanted, rows: int) -
     if wanted.signal == "prbs" or (wanted.signal is None and not (of_band and wanted.clock_s is None)):
         out += [Shape("prbs", c) for c in _clocks(setup, fast, wanted.clock_s, rows)]
     if wanted.signal == "multisine" or (wanted.signal is None and wanted.clock_s is None):
-        out += [_multisine(band, wanted, len(setup.bounds), rows, setup.step_s) for band in bands]
+        for band in bands:
+            try:
+                out.append(_multisine(band, wanted, len(setup.bounds), rows, setup.step_s))
+            except UsageError:
+                if wanted.signal is not None or of_band:
+                    raise  # nobody asked for one: other signals may fit
     if wanted.signal == "filtered" or (
         wanted.signal is None and wanted.clock_s is None and not (wanted.lines or wanted.phases or wanted.playable)
     ):

@@ -27,9 +27,15 @@ class Keep:
     def text(self) -> str:
         """Return the rule as the option has it."""
         if self.low == self.high:
-            return f"{self.channel}={self.low:g}"
-        low, high = ("" if math.isinf(v) else f"{v:g}" for v in (self.low, self.high))
+            return f"{self.channel}={_exact(self.low)}"
+        low, high = ("" if math.isinf(v) else _exact(v) for v in (self.low, self.high))
         return f"{self.channel}={low}..{high}"
+
+
+def _exact(value: float) -> str:
+    """Return a number by which it reads back: a factor in the cache is named by it."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
 
 
 def parse_keep(text: str, roles: Roles) -> Keep:

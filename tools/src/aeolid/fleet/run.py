@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ import numpy as np
 
 import aeolid
 from aeolid.errors import DataError, UsageError
-from aeolid.fleet.onset import find_onset, notable, say_change
+from aeolid.fleet.onset import find_onset, notable, say_change, untested
 from aeolid.fleet.plan import DAY, Plan
 from aeolid.fleet.tasks import (
     FileDone,
@@ -74,7 +75,8 @@ def run_fleet(paths: Sequence[Path], plan: Plan, out: Path, pool: Pool, notice: 
         "version": aeolid.__version__, "settings": plan.to_json(), "recordings": len(paths), "usable": len(done),
         "reused": reused, "turbines": len({p["turbine"] for p in found}), "order_reasons": reasons,
         "periods": found, "tracks": tracks, "skipped": skipped.rows,
-        "moved": [say_change(t) for t in tracks if t["moved"]], "notes": _notes(done, plan),
+        "moved": [say_change(t) for t in tracks if t["moved"]], "untested": untested(tracks, count),
+        "notes": _notes(done, plan),
     }  # fmt: skip
 
 
@@ -154,7 +156,13 @@ def _group(files: Sequence[FileDone], plan: Plan, skipped: Skipped) -> list[Peri
         )
         for (turbine, label), found in members.items()
     ]
-    return sorted(periods, key=lambda p: (p.turbine, p.start_s, p.label))
+    return sorted(periods, key=lambda p: (p.turbine, p.start_s, _counted(p.label)))
+
+
+def _counted(label: str) -> tuple[Any, ...]:
+    """Return what orders labels as people count: week 2 before week 10."""
+    parts = re.split(r"([0-9]+)", label)
+    return (*(int(part) if i % 2 else part for i, part in enumerate(parts)), label)
 
 
 def _merge(periods: list[Period], cache: str, pool: Pool, tell: Notice, skipped: Skipped) -> list[Period]:
@@ -218,13 +226,21 @@ def _mark_tracks(periods: list[Facts]) -> None:
                 mode["track"] = number
 
 
+def _dated(periods: list[Facts]) -> set[str]:
+    """Return the turbines whose periods each have a time of their own: the clocks of others say nothing of them."""
+    times: dict[str, list[float]] = {}
+    for period in periods:
+        times.setdefault(period["turbine"], []).append(period["middle_s"])
+    return {turbine for turbine, found in times.items() if len(found) == len(set(found)) > 1}
+
+
 def _tracks(periods: list[Facts]) -> list[Facts]:
     """Return for each track its periods, values at both ends and the drift a day (a period where no clock says)."""
-    clocks = len({p["start_s"] for p in periods}) > 1
+    clocks = _dated(periods)
     series: dict[tuple[str, int], list[tuple[float, Facts]]] = {}
     place: Counter[str] = Counter()
     for period in periods:
-        time = period["middle_s"] / DAY if clocks else float(place[period["turbine"]])
+        time = period["middle_s"] / DAY if period["turbine"] in clocks else float(place[period["turbine"]])
         place[period["turbine"]] += 1
         for mode in period["modes"]:
             series.setdefault((period["turbine"], mode["track"]), []).append((time, mode))
@@ -235,7 +251,7 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
             "turbine": turbine,
             "track": number,
             "periods": len(points),
-            "per": "day" if clocks else "period",
+            "per": "day" if turbine in clocks else "period",
             "name": Counter(str(m.get("name") or "") for m in modes).most_common(1)[0][0],
             "until_s": max(p["middle_s"] for p in periods if p["turbine"] == turbine),
         }

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.fleet.onset import with_deviation
 from aeolid.models.modes import continuous_poles
 
 Facts = dict[str, Any]
@@ -56,14 +57,13 @@ def mac(a: ComplexArray, b: ComplexArray) -> float:
 def drift(times: Sequence[float], values: Sequence[float], deviations: Sequence[float | None]) -> Facts | None:
     """Fit a line through the values, weighted by 1/σ²; returns slope and its deviation per unit of time, and change.
 
-    The deviation is enlarged by the scatter about the line where that is more than the σ say. None with fewer than
-    three values, no spread of times or an unknown σ.
+    The deviation is enlarged by the scatter about the line where that is more than the σ say. Values of an unknown σ
+    are left out. None with fewer than three others or no spread of times.
     """
-    t, y = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
-    known = [s for s in deviations if s is not None and np.isfinite(s) and s > 0]
-    if len(t) < 3 or np.ptp(t) == 0 or len(known) < len(t):
+    t, y, sigma = with_deviation(times, values, deviations)
+    if len(t) < 3 or np.ptp(t) == 0:
         return None
-    weight = 1 / np.asarray(known) ** 2
+    weight = 1 / sigma**2
     middle = float(weight @ t / weight.sum())
     spread = float(weight @ (t - middle) ** 2)
     slope = float(weight @ ((t - middle) * y)) / spread

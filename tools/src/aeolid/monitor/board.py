@@ -162,7 +162,7 @@ class Board:
         for n in facts["nodes"]:
             name = f"Node {n['node']}"
             words = {"waiting": "waits for its description", "problem": n["problem"], "running": "is running",
-                     "ended": "has ended its stream"}  # fmt: skip
+                     "silent": "has fallen silent", "ended": "has ended its stream"}  # fmt: skip
             now[name] = f"{name} {words[n['state']]}."
             if n["described"]:
                 now[f"{name} run"] = f"{name} counts its samples anew (run {n['runs']})." if n["runs"] > 1 else ""

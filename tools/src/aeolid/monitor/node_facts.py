@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from aeolid.identify.live import LiveMode
 
 FIT_S = 2.0  # how often drift is worked out anew
+QUIET_S = 10.0  # without a message before a node counts as silent, and …
+QUIET_STEPS = 20.0  # … so many times the distance of its samples: who sends seldom is not silent in between
 
 
 class NodeView:
@@ -26,6 +28,7 @@ class NodeView:
         self._snapshots = (0, 0.0)  # so many, the newest then
         self._every: float | None = None  # usual time between two, s
         self._drift = (-FIT_S, "")
+        self._heard: tuple[int, float] | None = None  # messages, and when they last became more
 
     def look(self, node: Node, clocks: ClockKeeper, now: float) -> dict[str, Any]:
         """Return the counters of a node; the reception must not change meanwhile. now: of the monotonic clock, s."""
@@ -34,8 +37,10 @@ class NodeView:
             "flags": node.flags, "health": {str(k): v for k, v in HEALTH.items()}, "counters": node.counters,
             "messages": node.messages, "contested": node.contested, "refused": node.refused,
         }  # fmt: skip
+        facts["silent_s"] = silent = self._silence(node, now)
+        talks = "silent" if silent > _patience(node) else "running"
         facts["state"] = (
-            "problem" if node.problem else "waiting" if node.now is None else "ended" if node.stopped else "running"
+            "problem" if node.problem else "waiting" if node.now is None else "ended" if node.stopped else talks
         )
         if node.now is None:
             return facts
@@ -43,7 +48,8 @@ class NodeView:
         lost = samples.lost(d.sample_every)
         return facts | {
             "method": d.method, "model_set": d.model_set.upper(), "past": d.past, "sample_time_s": d.sample_time_s,
-            "forgetting": d.forgetting, "regularisation": d.regularisation, "regressors": d.regressors,
+            "forgetting": round_to(d.forgetting, 9), "regularisation": round_to(d.regularisation, 9),
+            "regressors": d.regressors,
             "inputs": d.names[: d.inputs], "outputs": d.names[d.inputs : d.inputs + d.outputs], "units": d.units,
             "block": _block_names(d), "hash": f"{d.configuration_hash:08x}",
             "samples": samples.arrived // d.channels, "lost": lost,
@@ -55,6 +61,12 @@ class NodeView:
             },
             "clock": self._clock(node.number, clocks, now),
         }  # fmt: skip
+
+    def _silence(self, node: Node, now: float) -> float:
+        """Return for how long nothing has come of a node, s."""
+        if self._heard is None or node.messages != self._heard[0]:
+            self._heard = node.messages, now
+        return now - self._heard[1]
 
     def _age(self, completed: int, now: float) -> float | None:
         before, at = self._snapshots
@@ -74,6 +86,12 @@ class NodeView:
         return text
 
 
+def _patience(node: Node) -> float:
+    """Return after how many seconds without a message a node counts as silent."""
+    d = None if node.now is None else node.now.description
+    return max(QUIET_S, 0.0 if d is None else QUIET_STEPS * d.sample_time_s * max(d.sample_every, 1))
+
+
 def node_facts(
     part: dict[str, Any], track: Track | None, why: str, modes: tuple[LiveMode, ...], more: dict[str, Any]
 ) -> dict[str, Any]:
@@ -91,8 +109,9 @@ def _mode(m: LiveMode) -> dict[str, Any]:
     mode = m.mode
     percent = None if mode.damping_std is None else 100 * mode.damping_std
     return {
-        "mode": m.number, "frequency_hz": mode.frequency_hz, "frequency_std_hz": mode.frequency_std_hz,
-        "damping": mode.damping, "damping_std": mode.damping_std,
+        "mode": m.number, "frequency_hz": _finite(mode.frequency_hz),
+        "frequency_std_hz": _finite(mode.frequency_std_hz), "damping": _finite(mode.damping),
+        "damping_std": _finite(mode.damping_std),
         "frequency": with_deviation(mode.frequency_hz, mode.frequency_std_hz),
         "frequency_95": range_95(mode.frequency_hz, mode.frequency_std_hz),
         "damping_percent": with_deviation(100 * mode.damping, percent),
@@ -122,6 +141,10 @@ def _tests(part: dict[str, Any], track: Track | None) -> dict[str, Any]:
     ]  # fmt: skip
     high = None if not np.isfinite(b.high) else round_to(b.high, 4)
     return facts | {"blocks": len(track.blocks), "bound": round_to(b.bound, 4), "low": round_to(b.low, 4), "high": high}
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
 
 
 def _short(value: float) -> str:

@@ -9,7 +9,7 @@ Facts = dict[str, Any]
 SILENT_S = 10.0  # without a frame before that is worth a word; health comes at least as often at usual settings
 LOST = 0.01  # part of the values that may be lost before that is
 AGE = 3.0  # usual distances between snapshots after which the newest is old
-OUTSIDE = 4  # of the newest 20 blocks outside their bounds: by chance three times in ten thousand
+OUTSIDE = 4  # of the newest 20 blocks outside their bounds: by chance three looks in 10,000, once in 30,000 blocks
 FULL = 0.7  # bus load from which low priorities wait
 
 HEALTH = {
@@ -27,8 +27,9 @@ HEALTH = {
 def findings(facts: Facts) -> list[Facts]:
     """Return what an operator should know: dictionaries with node (or None), level (alarm, note), what and remedy."""
     found = [{"node": None} | f for f in _of_bus(facts)]
+    alone = not (facts["over"] or facts["bus"]["status"] or facts["bus"]["silent_s"] >= SILENT_S)
     for node in facts["nodes"]:
-        found += [{"node": node["node"]} | f for f in _of_node(node)]
+        found += [{"node": node["node"]} | f for f in (*(_silence(node) if alone else ()), *_of_node(node))]
     return sorted(found, key=lambda f: f["level"] != "alarm")
 
 
@@ -85,8 +86,11 @@ def _of_node(n: Facts) -> Iterator[Facts]:
             f"Not followed any more: it {n['refused']}.", "Look for a device that imitates it, then start anew."
         )
     if not n["described"]:
-        yield _note("Waiting for its description.", "It comes within some ten seconds; a node that never sends it is"
-                    " configured with describe_every = 0.")  # fmt: skip
+        yield _note(
+            "Waiting for its description.",
+            "It comes within some ten seconds; of a node that never sends it, raise the share of the bus, or shorten"
+            " describe_every.",
+        )
         return
     checks: list[Callable[[Facts], Iterator[Facts]]] = [_losses, _snapshots, _modes, _innovations]
     for check in checks:
@@ -94,6 +98,15 @@ def _of_node(n: Facts) -> Iterator[Facts]:
     for flag, remedy in HEALTH.items():
         if n["flags"] & flag:
             yield _note(f"Health flag: {n['health'][str(flag)]}.", remedy[0].upper() + remedy[1:] + ".")
+
+
+def _silence(n: Facts) -> Iterator[Facts]:
+    """Tell of a node that has fallen silent while the bus goes on."""
+    if n["state"] == "silent":
+        yield _alarm(
+            f"Nothing has come of it for {n['silent_s']:.0f} s, and it has not said goodbye.",
+            "Is the controller powered and its plug in? What it sent last stays shown.",
+        )
 
 
 def _losses(n: Facts) -> Iterator[Facts]:

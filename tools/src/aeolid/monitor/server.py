@@ -17,6 +17,7 @@ import socket
 import threading
 import time
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -95,18 +96,21 @@ class PageServer:
 
     def renew(self) -> None:
         """Look at the reception and spell its facts once for all browsers."""
+        self._show(self.board.tick)
+
+    def _show(self, look: Callable[[], None]) -> None:
+        """Look and spell the facts; whatever becomes of the display, the reception goes on."""
+        known = self.board.facts
         try:
-            self.board.tick()
-        except Exception as error:  # whatever becomes of the display, the reception goes on
+            look()
+            spelt = json.dumps(self.board.facts, allow_nan=False)
+        except Exception as error:
             what = f"The display has stopped: {type(error).__name__}: {error}."
             remedy = "Reception and recording go on; start the monitor again when it suits."
             trouble = {"node": None, "level": "alarm", "what": what, "remedy": remedy}
-            self.board.facts = self.board.facts | {"findings": [trouble]}
-        self._spell()
-
-    def _spell(self) -> None:
-        self.facts_json = json.dumps(self.board.facts, allow_nan=False)
-        self.answers = {}
+            self.board.facts = known | {"findings": [trouble]}
+            spelt = json.dumps(json.loads(self.facts_json) | {"findings": [trouble]})
+        self.facts_json, self.answers = spelt, {}
 
     def answer(self, node: int, have: dict[str, int], entry: tuple[int, int, int] | None) -> bytes:
         """Return the answer to a page that has so much; the same question costs once until there is something new."""
@@ -122,8 +126,7 @@ class PageServer:
     def farewell(self, reason: str) -> None:
         """Let pages that are open hear, until `close` has waited for one of them, that the reception is over."""
         self._closing.set()
-        self.board.end(reason)
-        self._spell()
+        self._show(lambda: self.board.end(reason))
         self._over = time.monotonic()
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from typing import Any
 
 from rich.console import Console, Group, RenderableType
@@ -34,21 +35,24 @@ class Terminal:
 
     def _run(self) -> None:
         while not self._closing.wait(EVERY_S):
-            self._board.tick()
-            if self._console.is_terminal:
-                self._live.refresh()
+            with suppress(Exception):  # whatever becomes of the display, the reception goes on
+                self._board.tick()
+                if self._console.is_terminal:
+                    self._live.refresh()
 
     def farewell(self, reason: str) -> None:
         """Show the last facts."""
         self._closing.set()
         self._thread.join()
-        self._board.end(reason)
+        with suppress(Exception):
+            self._board.end(reason)
 
     def close(self) -> None:
         """Leave the last facts on the terminal, with the modes of what still waited when the last frame had come."""
         self._closing.set()
         self._thread.join()
-        self._board.tick()
+        with suppress(Exception):
+            self._board.tick()
         if self._console.is_terminal:
             self._live.stop()
         else:

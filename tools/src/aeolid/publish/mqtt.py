@@ -10,7 +10,7 @@ from types import TracebackType
 
 from aeolid.errors import UsageError
 
-KEEP_ALIVE_S = 60
+KEEP_ALIVE_S = 0  # the broker waits for the next message however long that takes (section 3.1.2.10)
 ANSWER_S = 5.0  # for the broker to take a connection
 _REFUSALS = {
     1: "another version of MQTT", 2: "a rejected name", 3: "the server is unavailable", 4: "a wrong user or password",

@@ -53,7 +53,7 @@ def _bus(bus: Mapping[str, Any]) -> Iterator[Row]:
 def _node(node: Mapping[str, Any]) -> Iterator[Row]:
     tags = {"node": node["node"]}
     snapshots = node.get("snapshots") or {}
-    values = {k: node.get(k) for k in ("samples", "lost", "lost_share", "flags", "refused", "runs")}
+    values = {k: node.get(k) for k in ("samples", "lost", "lost_share", "flags", "refused", "runs", "silent_s")}
     values |= {"running": node.get("state") == "running", "snapshots": snapshots.get("complete")}
     values |= {"snapshots_incomplete": snapshots.get("incomplete"), "snapshot_age_s": snapshots.get("age_s")}
     yield _row("node", tags, values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import os
 import threading
@@ -35,6 +36,8 @@ class Target(Protocol):
 
 def target_of(url: str) -> Target:
     """Return what a URL names, without connecting. Raises UsageError where it names nothing."""
+    if any(not c.isprintable() or (c.isspace() and not url.startswith("mqtt")) for c in url):
+        raise UsageError(f"--publish {url!r}: an address holds no blanks or control characters; write %20 for a blank")
     try:
         parts = urlsplit(url)
         port = parts.port
@@ -61,17 +64,24 @@ class _Mqtt:
         self._client: MqttClient | None = None
 
     def send(self, rows: Sequence[Row], now_s: float) -> None:
-        """Connect where that is needed, and publish."""
-        try:
-            if self._client is None:
-                user, password = os.environ.get(USER), os.environ.get(PASSWORD)
-                self._client = MqttClient(self._host, self._port, user=user, password=password, tls=self._tls)
-            for row in rows:
-                self._client.publish(self._of(row), _json(row, now_s), retain=True)
-            self._client.ping()
-        except OSError:
-            self.close()
-            raise
+        """Connect where that is needed, and publish; where a connection of before has gone, again on a fresh one."""
+        for client in [*([self._client] if self._client is not None else []), None]:
+            try:
+                self._publish(client, rows, now_s)
+                return
+            except OSError:
+                self.close()
+                if client is None:
+                    raise
+
+    def _publish(self, client: MqttClient | None, rows: Sequence[Row], now_s: float) -> None:
+        if client is None:
+            user, password = os.environ.get(USER), os.environ.get(PASSWORD)
+            client = MqttClient(self._host, self._port, user=user, password=password, tls=self._tls)
+        self._client = client
+        for row in rows:
+            client.publish(self._of(row), _json(row, now_s), retain=True)
+        client.ping()
 
     def _of(self, row: Row) -> str:
         levels = [row.measurement, *(v for _, v in sorted(row.tags.items()) if v)]
@@ -112,6 +122,8 @@ class _Lines:
                 return
         except urllib.error.HTTPError as error:
             raise OSError(f"the server answers {error.code} {error.reason}") from None
+        except http.client.HTTPException as error:
+            raise OSError(f"the answer is no HTTP ({type(error).__name__})") from None
 
     def close(self) -> None:
         """Do nothing: every message has a connection of its own."""
@@ -149,11 +161,16 @@ class Publisher:
 
     def turn(self) -> None:
         """Send once to every target."""
-        rows, now = self._rows(), time.time()
+        try:
+            rows, now = self._rows(), time.time()
+        except Exception:  # the facts are being made anew; the next turn has them
+            return
         for name, target in self._targets if rows else ():
             try:
                 target.send(rows, now)
-            except (OSError, ValueError) as error:
+            except (
+                Exception
+            ) as error:  # whatever becomes of a target, the others and the next turn are not kept from it
                 self.failed[name] += 1
                 why = str(error) or type(error).__name__
                 if self._trouble.get(name) != why:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from aeolid.fleet.onset import conclusions
 from aeolid.report.fleet_charts import (
     Colours,
     clock_of,
@@ -67,8 +68,7 @@ def _drifts(facts: Facts) -> Html:
             cells += [with_std(unit * drift["change"], unit * drift["change_std"]) if drift else "–"]
             cells += [number(_significance(track, key), 2) if drift else "–"]
         rows.append(cells)
-    moved = facts.get("moved", [])
-    told = [tag("p", text + ".") for text in moved] or [tag("p", "No mode moved by more than chance.")]
+    told = [tag("p", text.replace("no mode moved", "No mode moved") + ".") for text in conclusions(facts)]
     head = ["turbine", "mode", "#periods", "#frequency (Hz)", "#change (mHz)", "#|z|",
             "#damping (%)", "#change (points)", "#|z|"]  # fmt: skip
     note = "Change in the table: of a weighted straight line over all periods; |z|: its standard deviations."

@@ -167,7 +167,7 @@ function show() {
     made.append(element("b", (f.node == null ? "" : `Node ${f.node}: `) + f.what), " ", element("span", f.remedy));
     return made;
   }));
-  const tones = { running: "good", ended: "wait", waiting: "wait", problem: "alarm" };
+  const tones = { running: "good", ended: "wait", silent: "alarm", waiting: "wait", problem: "alarm" };
   put($("tabs"), nodes.map((n) => element("button", `Node ${n.node}`, {
     role: "tab", type: "button", "data-node": n.node, "data-tone": tones[n.state], "aria-controls": "node",
     "aria-selected": String(n.node === state.node), tabindex: n.node === state.node ? "0" : "-1",
