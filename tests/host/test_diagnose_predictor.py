@@ -24,6 +24,7 @@ from aeolid.diagnose.predictor.noise import (
     log_density,
     preferred_order,
     scored_rows,
+    touched,
 )
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -287,7 +288,7 @@ def test_two_segments_add_up() -> None:
 
 
 def test_missing_rows_are_left_out() -> None:
-    """A row that nobody measured changes nothing: compared with the same innovations fewer in number."""
+    """A row that nobody measured changes nothing, nor do the two behind it: the same innovations fewer in number."""
     segment = recording(7)
     y = segment.y.copy()
     y[40:60] = np.nan
@@ -298,8 +299,8 @@ def test_missing_rows_are_left_out() -> None:
     rows = fit.residual.reshape(-1, 2)
     assert np.all(np.isfinite(fit.residual)) and np.all(np.isfinite(fit.jacobian))
     assert np.all(rows[40:60] == 0) and np.all(rows[100] == 0)
-    assert np.count_nonzero(np.all(rows == 0, axis=1)) == 21
-    seen = np.all(np.isfinite(y), axis=1)
+    assert np.count_nonzero(np.all(rows == 0, axis=1)) == 21 + 2 + 2
+    seen = ~touched(y, 2)
     assert np.linalg.norm(rows[seen].T @ rows[seen] / seen.sum() - np.eye(2)) < 1e-6
 
 
@@ -352,7 +353,7 @@ def test_the_noise_model_equals_a_plain_loop(order: int) -> None:
     for e, burn in zip(parts, burns, strict=True):
         for t in range(max(burn, order), len(e)):
             past = [e[t - i] for i in range(1, order + 1)]
-            if np.all(np.isfinite(e[t])) and np.all(np.isfinite(past)):
+            if np.all(np.isfinite(e[max(t - max(order, 2), 0) : t + 1])):  # two rows behind a gap are left out
                 rows.append(np.concatenate(past) if past else np.zeros(0))
                 targets.append(e[t])
     Z, Y = np.array(rows).reshape(len(targets), 2 * order), np.array(targets)
@@ -447,8 +448,8 @@ def test_a_predictor_that_forgets_is_scored_as_it_predicts() -> None:
 def test_what_is_fitted_is_what_is_reported() -> None:
     """The likelihood with its noise model concentrated out, and the sum over rows, are one; also from gaps and starts.
 
-    A noise model of two rows says of the first two of a stretch, and of the two behind a missing row, how large they
-    are. As the first rows' lags, left out, were counted, they cost 1,300 nats and bent every fit.
+    A noise model of two rows says of the first two of a stretch how large they are, and nothing of the two behind a
+    missing row. As the first rows' lags, left out, were counted, they cost 1,300 nats and bent every fit.
     """
     segment = recording(5)
     holed = replace(segment, y=segment.y.copy())
@@ -457,11 +458,11 @@ def test_what_is_fitted_is_what_is_reported() -> None:
     p = predictor((holed, recording(6, 150)), 2)
     at = replace(point(2, gain=False), x0=(np.array([4.0, -3.0]), np.array([0.1, 0.0])))  # a start that is far off
     fit = p.at(at, Free((0,), (), (), ()))
-    rows, behind = (300 - 2 - 3 - 42) + (150 - 2), 4 + 2 + 2
+    rows = (300 - 2 - 3 - 42) + (150 - 2)
     known, early = p.rows(2)
-    assert (int(np.sum(known & ~early)), int(np.sum(known & early))) == (rows, behind)
-    assert int(np.sum(fit.per_sample != 0)) == rows + behind
-    constant = rows * (1 + np.log(2 * np.pi)) + behind * np.log(2 * np.pi)
+    assert (int(np.sum(known & ~early)), int(np.sum(known & early))) == (rows, 4)
+    assert int(np.sum(fit.per_sample != 0)) == rows + 4
+    constant = rows * (1 + np.log(2 * np.pi)) + 4 * np.log(2 * np.pi)
     assert fit.log_likelihood == pytest.approx(-p.objective(at) - constant, rel=1e-9)
     squares = np.sum(fit.residual.reshape(-1, 2) ** 2, axis=1)
     assert not np.any(squares[~known])
@@ -477,16 +478,24 @@ def test_noise_models_of_every_order_are_compared_on_the_same_rows(unit: float) 
     e = rng.standard_normal((1500, 2)) * unit
     e[rng.random(1500) < 0.05] = np.nan
     likelihood = []
-    for order in (0, 1, 2):
+    for order in (0, 1, 2, 4):
         noise = estimate_noise([e], [20], order)
         known, early = (rows[20:] for rows in scored_rows(e, order))
-        assert int(known.sum()) == int(np.isfinite(e[20:, 0]).sum())
+        assert int(known.sum()) == int(np.sum(~touched(e, 2)[20:]))
         white = filter_var(e, noise.var)[20:] @ noise.factor
         white[early] = e[20:][early] @ noise.early_factor
         white[~known] = 0.0
         likelihood.append(float(log_density(white.ravel(), noise, known, early).sum()))
     # four coefficients a lag that fit chance gain two nats; ten is far beyond, and far below a unit's hundreds
     assert np.all(np.abs(np.diff(likelihood)) < 10)
+
+
+def test_rows_in_turn_are_scored_where_nothing_else_is_left() -> None:
+    y = np.ones((400, 1))
+    y[::2] = np.nan
+    known, early = scored_rows(y, 1)
+    assert int(known.sum()) == 200
+    assert np.all(early[known])
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.1, 0.3])
@@ -545,7 +554,7 @@ def test_a_model_that_runs_away_on_other_data_is_worth_nothing(order: int) -> No
     gap = replace(recording(11), y=y, burn=30)
     free_run = np.array([0.0, 0.0, 1.0, 0.7])  # no process noise, so no gain that could hold it
     lost = replace(fit, point=replace(fit.point, theta=np.array([3.0, -60.0, 2.0]), noise=free_run))
-    there, gone = (np.delete(p.score_elsewhere(f, (gap,))[0], range(90, 91 + order)) for f in (fit, lost))
+    there, gone = (np.delete(p.score_elsewhere(f, (gap,))[0], range(90, 93)) for f in (fit, lost))
     assert np.all(np.isfinite(there)) and np.all(gone < there - 10) and np.all(np.isneginf(gone[-100:]))
 
 

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _VAR_ORDERS = (0, 1, 2)
 # Of a law without states, where no force with memory can stand for the noise, its own colour must.
 _MORE_ORDERS = (*_VAR_ORDERS, 4, 8)
+_BEHIND = 2  # rows behind a gap that are not scored
 RICH_ORDERS = (*_MORE_ORDERS, 12)  # of what remains with an effect in the model, which it must outlast
 
 
@@ -51,8 +52,10 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
     outputs, reach = innovations[0].shape[1], max(order, reach or 0)
     parts = [_explained(e, max(burn, order), order, reach) for e, burn in zip(innovations, burns, strict=True)]
     y, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts, strict=True))
-    known = np.concatenate([e[max(burn, order) :] for e, burn in zip(innovations, burns, strict=True)])
-    var, whole = np.zeros((order, outputs, outputs)), _mean_square(known[np.all(np.isfinite(known), axis=1)])
+    known = [
+        e[max(b, order) :][scored_rows(e, order)[0][max(b, order) :]] for e, b in zip(innovations, burns, strict=True)
+    ]
+    var, whole = np.zeros((order, outputs, outputs)), _mean_square(np.concatenate(known))
     if order and len(y):
         gram = z.T @ z
         coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
@@ -78,7 +81,7 @@ def _explained(e: Array, first: int, order: int, reach: int) -> tuple[Array, Arr
     z = np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)]) if order else np.zeros((len(y), 0))
     if np.isfinite(e).all():
         return y, z
-    good = ~touched(e, reach)[first:]
+    good = (scored_rows(e, reach)[0] & ~touched(e, reach))[first:]
     return y[good], z[good]
 
 
@@ -92,7 +95,8 @@ def preferred_order(
     """
     outputs, count, usable = innovations[0].shape[1], 0, [0]
     for order in orders or (_MORE_ORDERS if stateless else _VAR_ORDERS):
-        rows = sum(int(np.sum(~touched(e, order)[burn:])) for e, burn in zip(innovations, burns, strict=True))
+        whole = [scored_rows(e, order)[0] & ~touched(e, order) for e in innovations]
+        rows = sum(int(np.sum(good[burn:])) for good, burn in zip(whole, burns, strict=True))
         if rows < 20 * (order * outputs + 1):
             break
         count, usable = rows, [*usable, order]
@@ -123,34 +127,34 @@ def touched(y: Array, order: int) -> NDArray[np.bool_]:
 
 
 def scored_rows(y: Array, order: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell of each row of y (N, l) whether it was measured, and whether one of its `order` lags is not known.
+    """Tell of each row of y (N, l) whether it is scored, and whether one of its `order` lags is not known.
 
-    Lags are not known before the first row and where a measurement is missing.
+    Scored are measured rows, but for the two behind a gap, where the state has gone on without a correction, as long as
+    that leaves half of them; the same rows whatever the order. Lags are not known before the first row and where a
+    measurement is missing.
     """
-    known = np.all(np.isfinite(y), axis=1)
-    open_lags = np.arange(len(y)) < order
-    for i in range(1, order + 1):
-        open_lags[i:] |= ~known[:-i]
-    return known, open_lags
+    measured = np.all(np.isfinite(y), axis=1)
+    known = ~touched(y, _BEHIND)
+    if np.sum(known) < 0.5 * np.sum(measured):
+        known = measured
+    return known, touched(y, order) | (np.arange(len(y)) < order)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, early: Array, out: Array) -> None:
+def whiten_lanes(
+    e: Array, rows: tuple[NDArray[np.bool_], NDArray[np.bool_]], var: Array, factor: Array, early: Array, out: Array
+) -> None:
     """Write the whitened innovations of several lanes into out (rows · l, lanes); rows are the last ones of e.
 
-    e (N, l, lanes); y (N, l) the measurements; a row with a missing one is zero; early (l, l) the factor of rows of
-    which a lag is missing or lies before the first. What a model that has run away leaves stays infinite or NaN.
+    e (N, l, lanes); rows: which are scored, and of which a lag is not known (N each, `scored_rows`); those that are not
+    scored are zero; early (l, l) the factor of rows without known lags. What a model that has run away leaves stays
+    infinite or NaN.
     """
     m, lanes, order = e.shape[1], e.shape[2], len(var)
     burn = len(e) - len(out) // m
     own = np.empty((m, lanes))
     for t in range(burn, len(e)):
-        known, whole = True, t >= order
-        for i in range(min(order, t) + 1):
-            for b in range(m):
-                if y[t - i, b] != y[t - i, b]:
-                    known = known and i > 0
-                    whole = False
+        known, whole = rows[0][t], not rows[1][t]
         own[:] = e[t]
         for i in range(1, order + 1 if whole else 1):
             for b in range(m):

@@ -84,7 +84,9 @@ def _fill(
     for i in range(len(rows)) if only is None else [only]:
         still = base[first : first + rows[i], None]
         e, moved = predictor.wide(at, points, gains, i), np.empty((rows[i], LANES))
-        whiten_lanes(e, predictor.segments[i].y, noise.var, noise.factor, noise.early_factor, moved)
+        whiten_lanes(
+            e, scored_rows(predictor.segments[i].y, len(noise.var)), noise.var, noise.factor, noise.early_factor, moved
+        )
         with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away
             result.T[places, first : first + rows[i]] = ((still - moved[:, : len(places)]) / steps).T
         first += rows[i]
