@@ -16,7 +16,7 @@ from aeolid.errors import DataError
 from aeolid.formats.bounds import MOST_LINE, guard_names, guard_size
 from aeolid.formats.clock import date_hint, looks_like_date, seconds_of_dates
 from aeolid.formats.headings import bare_heading, split_heading
-from aeolid.formats.table import Array, Choose, Table, positions, text_error
+from aeolid.formats.table import Array, Choose, Table, is_number_text, positions, text_error
 from aeolid.formats.unpacking import GZIP, bounded_lines, open_text
 from aeolid.inputs import open_regular
 
@@ -152,7 +152,7 @@ def _csv_layout(path: Path) -> Layout:
 def _heading(path: Path, lines: list[str], skip: int, encoding: str, stated: str | None) -> Layout:
     delimiter = stated or max(",;\t", key=lines[0].count)
     names = guard_names(path, tuple(bare_heading(cell.strip()) for cell in _cells(path, lines[0], delimiter)))
-    if all(_is_number(name) for name in names):
+    if all(is_number_text(name) for name in names):
         raise DataError(f"{path}: line {skip + 1} holds numbers where the headings should be; add a heading line")
     units = {name: unit for name in names if (unit := split_heading(name)[1]) is not None}
     rows = _rows(lines[1:], delimiter)
@@ -193,7 +193,7 @@ def _cells(path: Path, line: str, delimiter: str) -> list[str]:
 def _is_unit_row(cells: list[str]) -> bool:
     """Tell a row of units from a row of samples: words stand there, none of them a number or a mark for "missing"."""
     words = [c for c in cells if c.strip() and c.strip() not in EMPTY]
-    return bool(words) and not any(_is_number(c) or looks_like_date(c) for c in words)
+    return bool(words) and not any(is_number_text(c) or looks_like_date(c) for c in words)
 
 
 def _decodes(head: bytes) -> bool:
@@ -292,11 +292,3 @@ def _arrow_reads(cell: str, decimal: str) -> bool:
     sign = re.escape(decimal)
     digits = rf"(?:\d+(?:{sign}\d*)?|{sign}\d+)(?:[eE][+-]?\d+)?"
     return re.fullmatch(rf"[+-]?(?:{digits}|nan(?:\(\w*\))?|inf|infinity)", cell, re.ASCII | re.IGNORECASE) is not None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.strip().replace("_", "x"))  # Python would read 1_000 as a number, nobody's logger writes it
-    except ValueError:
-        return False
-    return True
