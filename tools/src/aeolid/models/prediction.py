@@ -114,8 +114,7 @@ def nrmse(y: Array, estimate: Array) -> Array:
 
 def _lost(y: Array, estimate: Array) -> NDArray[np.bool_]:
     """Tell of which outputs (l,) an estimate is no number at a sample that was recorded."""
-    found: NDArray[np.bool_] = (np.isfinite(y) & ~np.isfinite(estimate)).any(axis=0)
-    return found
+    return np.asarray((np.isfinite(y) & ~np.isfinite(estimate)).any(axis=0))
 
 
 def complete_stretches(values: Array, shortest: int) -> list[tuple[int, int]]:
