@@ -283,6 +283,18 @@ def test_what_a_header_announces_is_held_against_the_file(tmp_path: Path, old: s
         read_record(tmp_path / "run.%04", Roles(CHANNELS[1:], None, None, "roles.toml"))
 
 
+def test_lines_of_a_header_of_bladed_are_bounded(tmp_path: Path) -> None:
+    """A line of 60 kB is one, of 70 kB it is no header's. Quoted words keep their blanks."""
+    as_bladed(tmp_path)
+    header = tmp_path / "run.%08"
+    whole = header.read_text()
+    header.write_text(whole + "CONTENT2 " + "a" * 60_000 + "\n")
+    assert "Blade 1 pitch angle" in survey(header).table.names
+    header.write_text(whole + "CONTENT2 " + "a" * 70_000 + "\n")
+    with pytest.raises(DataError, match="line 18 has more than 64 KiB"):
+        survey(header)
+
+
 def test_announced_samples_of_hawc2_are_held_against_the_file(tmp_path: Path) -> None:
     for form in ("BINARY", "ASCII"):
         as_hawc2(tmp_path, form)

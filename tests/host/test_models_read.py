@@ -10,16 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_cases import swinging
 
+from aeolid.diagnose.data.case import load_case
 from aeolid.errors import DataError
 from aeolid.identify.residuals import run_residual_tests
 from aeolid.identify.validation import validate_model
-from aeolid.models import lpv, state_space
+from aeolid.models import equations_file, lpv, state_space
 from aeolid.models.load import LinearModel
 from aeolid.models.model_file import Signal
 from aeolid.models.prediction import nrmse, vaf
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
+from aeolid.text_files import parse_toml
 
 PLANT = StateSpace(
     np.array([[0.9, 0.1], [-0.1, 0.9]]), np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1)), None, np.zeros(2), None,
@@ -112,3 +115,42 @@ def test_an_estimate_that_is_lost_has_no_score(lost: float) -> None:
     y[3, 0] = np.nan
     assert [bool(np.isfinite(v)) for v in vaf(y, estimate)] == [True, False]
     assert [bool(np.isfinite(v)) for v in nrmse(y, estimate)] == [True, False]
+
+
+EQUATIONS = """[parameters]
+"µ" = 2.0
+[[input]]
+name = "u"
+[[state]]
+name = "x"
+derivative = "-µ*x + u"
+[[output]]
+name = "position"
+equation = "x"
+"""
+
+
+def test_the_micro_sign_is_the_greek_letter_of_formulas(tmp_path: Path) -> None:
+    model = equations_file.from_toml(parse_toml(EQUATIONS, "model.toml"), EQUATIONS, "model.toml")
+    assert [s.name for s in model.inputs] == ["u"]
+    assert [p.name for p in model.parameters] == ["\u03bc"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('equation = "x"', 'equation = "position"'), ("µ*x + u", "µ*x + u - 0.1*position")]
+)
+def test_an_output_is_no_input_of_its_own_model(old: str, new: str) -> None:
+    text = EQUATIONS.replace(old, new)
+    with pytest.raises(DataError, match="'position' is an output; as an input it would be fed with what was recorded"):
+        equations_file.from_toml(parse_toml(text, "model.toml"), text, "model.toml")
+
+
+def test_a_case_refuses_an_input_with_the_role_of_an_output(tmp_path: Path) -> None:
+    folder = swinging(tmp_path)
+    text = (folder / "model.toml").read_text()
+    assert load_case(folder).kind == "equations"
+    (folder / "model.toml").write_text(
+        text.replace('name = "speed"', 'name = "fast"', 1).replace("push - c*v", "push - c*speed")
+    )
+    with pytest.raises(DataError, match="input 'speed' has the role 'output' in the roles file"):
+        load_case(folder)

@@ -310,5 +310,7 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
                 raise Contradiction(
                     f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r}; convert one"
                 )
+            if what == "input" and role == "output":
+                raise DataError(f"{source}: input {signal.name!r} has the role 'output' in the roles file")
             if what == "output" and role != "output":
                 raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")
