@@ -62,6 +62,14 @@ def companions(path: Path) -> list[Path]:
     return [path, *(r.data for r in _results(path))]
 
 
+def beside(path: Path) -> list[Path]:
+    """Return the headers and numbers that a recording of this name may consist of, unread."""
+    try:
+        return sorted(p for p in path.parent.iterdir() if p.stem == path.stem and is_bladed(p))
+    except OSError:
+        return []
+
+
 def read_bladed(path: Path, choose: Choose) -> Table:
     """Read the chosen channels of a result, or of all results of a project. Raises DataError."""
     results = _results(path)

@@ -12,7 +12,7 @@ import numpy as np
 
 from aeolid.errors import DataError
 from aeolid.formats import extras
-from aeolid.formats.bladed import companions, is_bladed, read_bladed
+from aeolid.formats.bladed import beside, companions, is_bladed, read_bladed
 from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
@@ -176,6 +176,21 @@ def _reader(suffix: str, path: Path) -> Callable[..., Table]:
     from aeolid.formats import binary
 
     return binary.read_outb
+
+
+def files_of(path: Path) -> list[Path]:
+    """List the files that may be read for a recording of this name, itself first; none of them is opened."""
+    if path.is_dir():
+        from aeolid.formats.dataset import parts_of
+
+        return [path, *parts_of(path)]
+    if path.suffix.lower() in (".sel", ".dat"):
+        from aeolid.formats.hawc2 import companions as both
+
+        return [path, *both(path)]
+    if is_bladed(path):
+        return [path, *beside(path)]
+    return [path]
 
 
 def _hash(path: Path) -> str:
