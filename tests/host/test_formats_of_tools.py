@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -232,6 +233,13 @@ def test_texts_that_are_no_numbers_to_a_logger_are_refused(tmp_path: Path, cell:
 def test_texts_that_are_numbers_or_blanks_are_read(tmp_path: Path, cell: str) -> None:
     record = read_record(in_workbook(tmp_path, ["time_s", "u", "y"], cell), SIMPLE)
     np.testing.assert_equal(record.column("u")[3], float(cell) if cell.strip() else np.nan)
+
+
+def test_formulas_without_a_stored_value_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        record = read_record(in_workbook(tmp_path, ["time_s", "u", "y"], "=C3+1"), SIMPLE)
+    assert np.flatnonzero(np.isnan(record.column("u"))).tolist() == [3]
+    assert "1 formulas without a stored value are missing samples" in caplog.text
 
 
 def test_an_absent_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,7 @@
 """Turn a time column into seconds: by its unit, by what it counts from, and from dates as text.
 
 Numbers since 1970 are told by their size: a recording made between 1973 and 2100 has 1e8 … 4e9 seconds behind it, so
-the same count in ms, µs and ns lies in decades of its own. A column without a unit that steps by whole numbers is not
+the same count in ms, µs and ns lies in decades of its own. A column without a unit that steps by 1 or more is not
 guessed: milliseconds and seconds look alike there, and the sentence asks.
 """
 

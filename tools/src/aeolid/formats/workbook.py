@@ -52,7 +52,25 @@ def send_columns(path: str, source: str, most: int) -> Generator[Reply, dict[str
                 cells[name].append(row[places[name]] if places[name] < len(row) else None)
     begins: dict[str, str] = {}
     columns = [_column(source, name, _trimmed(cells, count)[name], begins) for name in wanted]
-    yield {"begins": begins}, {str(i): values for i, values in enumerate(columns)}
+    missing = any(np.isnan(values).any() for values in columns)
+    unstored = _unstored(path, sheet.title, {places[n] for n in wanted}) if missing else 0
+    yield {"begins": begins, "unstored": unstored}, {str(i): values for i, values in enumerate(columns)}
+
+
+def _unstored(path: str, title: str, places: set[int]) -> int:
+    """Count the formulas in some columns of a sheet of which the file holds no value."""
+    from openpyxl import load_workbook
+
+    values, formulas = (
+        load_workbook(path, read_only=True, data_only=only, keep_links=False)[title].iter_rows(values_only=True)
+        for only in (True, False)
+    )
+    return sum(
+        value is None and isinstance(formula, str) and formula.startswith("=")
+        for row, written in zip(values, formulas, strict=False)
+        for i, (value, formula) in enumerate(zip(row, written, strict=False))
+        if i in places
+    )
 
 
 def _heading(rows: Iterator[tuple[Any, ...]]) -> tuple[list[tuple[str, int]], tuple[Any, ...]] | None:
