@@ -5,7 +5,11 @@ from __future__ import annotations
 import io
 import os
 import platform
+import signal
 import socket
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,6 +87,40 @@ def test_errors_of_the_package_pass_through_and_other_packages_are_not_run() -> 
         list(running)
     with pytest.raises(Failure, match="no module of this package"):
         call("os:system", {"command": "true"}, SMALL)
+
+
+STARTS = """
+from aeolid.confined import Limits, start
+with start("aeolid.confined.probe:fail", {"way": "sleep"}, Limits(256 << 20, 600, 3000.0, 4 << 20)) as running:
+    replies = iter(running)
+    next(replies)
+    print(running._process.pid, flush=True)
+    next(replies)
+"""
+
+
+@pytest.mark.skipif(platform.system() != "Linux", reason="a signal at the end of the parent is Linux's")
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
+def test_it_ends_with_the_process_that_started_it(end: signal.Signals) -> None:
+    with subprocess.Popen([sys.executable, "-c", STARTS], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        confined = Path(f"/proc/{int(process.stdout.readline())}/stat")
+        assert _runs(confined)
+        process.send_signal(end)
+    for _ in range(300):  # not later than it is asked for; the signal is under way when the parent has ended
+        if not _runs(confined):
+            return
+        time.sleep(0.1)
+    os.kill(int(confined.parent.name), signal.SIGKILL)
+    pytest.fail("the confined process goes on")
+
+
+def _runs(stat: Path) -> bool:
+    """Tell whether a process is there and no mere entry that nobody has collected."""
+    try:
+        return stat.read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 def test_a_function_can_ask() -> None:

@@ -247,6 +247,14 @@ def test_missing_files_folders_and_suffixes(tmp_path: Path) -> None:
             read_record(tmp_path / name, ROLES)
 
 
+@pytest.mark.parametrize(("written", "unit"), [("(deg)", "deg"), ("deg", "deg"), ("(-)", "-"), ("1/(s)", "1/(s)")])
+def test_units_of_outb_lose_nothing_but_their_brackets(tmp_path: Path, written: str, unit: str) -> None:
+    as_outb(tmp_path / "a.outb")
+    content = (tmp_path / "a.outb").read_bytes().replace(b"(deg)     ", written.ljust(10).encode(), 1)
+    (tmp_path / "a.outb").write_bytes(content)
+    assert read_table(tmp_path / "a.outb", ["pitch"]).units["pitch"] == unit
+
+
 def test_announced_size_is_checked_before_memory_is_taken(tmp_path: Path) -> None:
     as_outb(tmp_path / "a.outb", announce=2_000_000_000)
     with pytest.raises(DataError, match="too short"):

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from aeolid.errors import DataError
@@ -58,6 +60,29 @@ def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
     table(False).drop(columns="speed").to_parquet(tmp_path / "b.parquet", index=False)
     with pytest.raises(DataError, match=r"b\.parquet: no channel 'speed', which the first part has"):
         read_record(tmp_path, ROLES)
+
+
+@pytest.mark.parametrize("other", ["unit", "time unit", "no date"])
+def test_parts_of_other_units_or_clocks_are_refused(tmp_path: Path, other: str) -> None:
+    count = 20
+    for part in range(2):
+        changed = bool(part)
+        time = pd.date_range("2024-03-01", periods=count, freq="s") + pd.Timedelta(seconds=count * part)
+        stamps = time if other == "no date" and not changed else 1.0 * np.arange(count * part, count * (part + 1))
+        units = {"u": "rad" if other == "unit" and changed else "deg"}
+        if other != "no date":
+            units["time"] = "ms" if other == "time unit" and changed else "s"
+        columns = {"time": stamps, "u": np.arange(count) + 1.0, "y": np.arange(count) + 2.0}
+        fields = [pa.array(v) for v in columns.values()]
+        schema = pa.schema(
+            pa.field(n, f.type, metadata={"unit": units[n]} if n in units else None)
+            for n, f in zip(columns, fields, strict=True)
+        )
+        pq.write_table(pa.table(fields, schema=schema), tmp_path / f"part-{part}.parquet")
+    roles = Roles((Channel("u", "", "input"), Channel("y", "", "output")), None, None, "roles.toml")
+    told = {"unit": "'u' is in 'rad'", "time unit": "'time' is in 'ms'", "no date": "'time' holds dates in"}
+    with pytest.raises(DataError, match=rf"part-1\.parquet: channel {told[other]}"):
+        read_record(tmp_path, roles)
 
 
 @pytest.mark.parametrize(("suffix", "separator"), [(".txt", "\t"), (".txt", ";"), (".tsv", "\t")])

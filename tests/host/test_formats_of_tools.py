@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -178,6 +179,69 @@ def test_rates_of_tdms_are_brought_to_one(tmp_path: Path) -> None:
     np.testing.assert_allclose(record.column("pitch"), PITCH[::4][: len(record)], atol=1e-12)
 
 
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_waveforms_of_tdms_start_when_they_say(tmp_path: Path, late: float) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        for group, name, values, start in (
+            ("b", "Generator speed", SPEED, late),
+            ("a", "Blade 1 pitch angle", PITCH, 0.0),
+        ):
+            at = np.datetime64("2024-03-01T12:00:00") + np.timedelta64(round(1000 * start), "ms")
+            wave = {"wf_increment": STEP, "wf_start_time": at}
+            writer.write_segment([nptdms.ChannelObject(group, name, values, properties=wave)])
+    roles = Roles(CHANNELS, None, None, "roles.toml")
+    if not late:
+        assert read_record(tmp_path / "a.tdms", roles).begins == "2024-03-01T12:00:00Z"
+        return
+    with pytest.raises(DataError, match="different clocks; let --resample"):
+        read_record(tmp_path / "a.tdms", roles)
+    record = read_record(tmp_path / "a.tdms", Roles(CHANNELS, None, None, "roles.toml", resample="auto"))
+    assert record.begins == "2024-03-01T12:00:00Z"
+    skip = round(late / STEP)
+    np.testing.assert_allclose(record.time_s[0], late, atol=1e-9)
+    np.testing.assert_allclose(record.column("pitch"), PITCH[skip:][: len(record)], atol=1e-9)
+    np.testing.assert_allclose(record.column("speed"), SPEED[: len(record)], atol=1e-9)
+
+
+def in_workbook(folder: Path, headings: list[str], u: object = 1.0) -> Path:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(headings)
+    for k in range(COUNT):
+        row = {"time_s": STEP * k, "u": u if k == 3 else k, "y": k * k}
+        book.active.append([row[h] for h in headings])
+    book.save(folder / "a.xlsx")
+    return folder / "a.xlsx"
+
+
+SIMPLE = Roles((Channel("u", "", "input"), Channel("y", "", "output")), None, None, "roles.toml")
+
+
+def test_a_doubled_heading_of_a_workbook_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="heading 'u' stands there 2 times"):
+        read_record(in_workbook(tmp_path, ["time_s", "u", "u", "y"]), SIMPLE)
+
+
+@pytest.mark.parametrize("cell", ["1_000", "\u0661", "1,5"])
+def test_texts_that_are_no_numbers_to_a_logger_are_refused(tmp_path: Path, cell: str) -> None:
+    with pytest.raises(DataError, match=r"channel 'u', sample 4: .* is not a number"):
+        read_record(in_workbook(tmp_path, ["time_s", "u", "y"], cell), SIMPLE)
+
+
+@pytest.mark.parametrize("cell", [" 2.5 ", "  "])
+def test_texts_that_are_numbers_or_blanks_are_read(tmp_path: Path, cell: str) -> None:
+    record = read_record(in_workbook(tmp_path, ["time_s", "u", "y"], cell), SIMPLE)
+    np.testing.assert_equal(record.column("u")[3], float(cell) if cell.strip() else np.nan)
+
+
+def test_formulas_without_a_stored_value_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        record = read_record(in_workbook(tmp_path, ["time_s", "u", "y"], "=C3+1"), SIMPLE)
+    assert np.flatnonzero(np.isnan(record.column("u"))).tolist() == [3]
+    assert "1 formulas without a stored value are missing samples" in caplog.text
+
+
 def test_an_absent_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.xlsx").write_bytes(b"PK")
     monkeypatch.setattr(extras.importlib.util, "find_spec", lambda name: None)
@@ -225,6 +289,18 @@ def test_what_a_header_announces_is_held_against_the_file(tmp_path: Path, old: s
     (tmp_path / "run.%04").write_text(text.replace(old, new))
     with pytest.raises(DataError, match=told):
         read_record(tmp_path / "run.%04", Roles(CHANNELS[1:], None, None, "roles.toml"))
+
+
+def test_lines_of_a_header_of_bladed_are_bounded(tmp_path: Path) -> None:
+    """A line of 60 kB is one, of 70 kB it is no header's. Quoted words keep their blanks."""
+    as_bladed(tmp_path)
+    header = tmp_path / "run.%08"
+    whole = header.read_text()
+    header.write_text(whole + "CONTENT2 " + "a" * 60_000 + "\n")
+    assert "Blade 1 pitch angle" in survey(header).table.names
+    header.write_text(whole + "CONTENT2 " + "a" * 70_000 + "\n")
+    with pytest.raises(DataError, match="line 18 has more than 64 KiB"):
+        survey(header)
 
 
 def test_announced_samples_of_hawc2_are_held_against_the_file(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.formats import read_record
@@ -92,6 +93,71 @@ def test_whole_steps_without_a_unit_are_asked_about(tmp_path: Path) -> None:
     assert read_record(path, roles("Time", time_unit="ms")).sample_time_s == STEP
     assert read_record(path, roles("Time", time_unit="s")).sample_time_s == 50.0
     assert read_record(path, roles("Time", declared=0.05)).sample_time_s == STEP
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "told", "unit", "second"),
+    [
+        (0.0, 12.5, "in milliseconds that is 80 samples", "ms", 1e-3),
+        (45352.5, 0.05 / 86400, "in days that is one sample in 0.05 s", "d", 86400.0),
+        (738000.5, 0.1 / 86400, "in days that is one sample in 0.1 s", "d", 86400.0),
+        (250000000, 10000, "as s since 1970 that is one sample every 1e", "us", 1e-6),
+        (300000000000, 10000000, "as ms since 1970 that is one sample every 1e", "ns", 1e-9),
+    ],
+)
+def test_numbers_that_are_plainly_no_seconds_are_asked_about(
+    tmp_path: Path, first: float, step: float, told: str, unit: str, second: float
+) -> None:
+    path = write(tmp_path / "a.csv", "Time", [f"{first + step * k:.12f}" for k in range(COUNT)])
+    with pytest.raises(DataError, match=f"{told}.*set time_unit"):
+        read_record(path, roles("Time"))
+    assert read_record(path, roles("Time", time_unit=unit)).sample_time_s == pytest.approx(step * second, rel=1e-3)
+    if first < 1e5 or first > 1e8:  # numbers since the year 0 are rounded to 10 µs
+        assert read_record(path, roles("Time", declared=step * second)).sample_time_s == pytest.approx(step * second)
+
+
+@pytest.mark.parametrize("heading", ["Time [s]", "time_s", "Timestamp (s)"])
+def test_a_time_column_is_looked_at_beside_a_sample_time(tmp_path: Path, heading: str) -> None:
+    stamps = [f"{0.05 * k + (60 if k >= 20 else 0):.2f}" for k in range(COUNT)]
+    path = write(tmp_path / "a.csv", heading, stamps)
+    with pytest.raises(DataError, match=r"steps by 0\.05 s, the roles file says sample_time_s = 0\.1"):
+        read_record(path, roles(declared=0.1))
+
+
+def test_a_time_column_that_is_to_be_ignored_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = write(tmp_path / "a.csv", "Time [s]", ["noon"] * COUNT)
+    ignored = (*CHANNELS, Channel("Time", "s", "ignore"))
+    with caplog.at_level(logging.WARNING):
+        assert len(read_record(path, Roles(ignored, 0.1, None, "roles.toml"))) == COUNT
+    assert "the time column 'Time [s]' is not looked at" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "unit", "told"), [(2, "rad", "the angle 'phi'"), (4, "", "the index 'phi'"), (1, "rad", "in 'rad'")]
+)
+def test_a_master_of_mdf_that_is_no_time_is_refused(tmp_path: Path, kind: int, unit: str, told: str) -> None:
+    with pytest.raises(DataError, match=f"channel 'pitch'.*{told}"):
+        read_record(over(tmp_path / "a.mf4", AT, kind, unit), roles())
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("", 1.0), ("ms", 1e3), ("min", 1 / 60)])
+def test_the_unit_of_a_master_of_mdf_is_looked_at(tmp_path: Path, unit: str, scale: float) -> None:
+    record = read_record(over(tmp_path / "a.mf4", scale * AT, 1, unit), roles())
+    np.testing.assert_allclose(record.time_s, AT, atol=1e-9)
+
+
+def over(path: Path, stamps: NDArray[np.float64], kind: int, unit: str) -> Path:
+    """Write two channels over a master of some kind (1 time, 2 angle, 3 distance, 4 index) and unit."""
+    from asammdf import MDF, Signal
+
+    with MDF(version="4.10") as file:
+        file.append(
+            [Signal(np.sin(AT), stamps, name="pitch"), Signal(np.cos(AT), stamps, name="speed")], common_timebase=True
+        )
+        master = file.groups[0].channels[file.masters_db[0]]
+        master.sync_type, master.unit, master.name = kind, unit, "phi"
+        file.save(path)
+    return path
 
 
 def test_a_sample_time_ten_times_off_is_said_so(tmp_path: Path) -> None:

@@ -235,6 +235,17 @@ def require_same_layout(records: Sequence[Record], *, ordered: bool = True) -> N
             )
 
 
+def require_distinct(records: Sequence[Record]) -> None:
+    """Refuse recordings with the same samples: what is held back of one would have been fitted in the other."""
+    seen: dict[tuple[Any, ...], list[Record]] = {}
+    for record in records:
+        ends = record.values.shape, record.values[:1].tobytes(), record.values[-1:].tobytes()
+        for first in seen.setdefault(ends, []):
+            if np.array_equal(first.values, record.values, equal_nan=True):
+                raise DataError(f"{record.source}: the same samples as in {first.source}; leave one of them out")
+        seen[ends].append(record)
+
+
 def _difference(first: Record, other: Record) -> str:
     """Say by which channel two recordings differ, whatever the order; empty where they do not."""
     there, here = ({c.name: c for c in r.channels} for r in (first, other))

@@ -12,6 +12,7 @@ import math
 import re
 import reprlib
 import tomllib
+from collections import Counter
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -90,9 +91,18 @@ def parse_json(text: str, source: str) -> Any:
     """Return the content of a JSON text; raises DataError that names the source and what is wrong."""
     _require_flat(_JSON_TEXT.sub("_", text), source, _MOST_JSON_PARTS, "[{")
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=lambda pairs: _without_doubles(pairs, source))
     except (ValueError, RecursionError) as error:
         raise DataError(f"{source}: not valid JSON: {error}") from None
+
+
+def _without_doubles(pairs: list[tuple[str, Any]], source: str) -> dict[str, Any]:
+    """Return the pairs of a JSON object; refuses a key that stands there twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        double = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise DataError(f"{source}: the key {shown(double)} stands twice in one object; leave one of them out")
+    return found
 
 
 def load_toml(path: str | Path) -> dict[str, Any]:

@@ -9,9 +9,12 @@ from __future__ import annotations
 import importlib
 import os
 import resource
+import signal
 import sys
 from collections.abc import Generator
 from typing import Any, BinaryIO
+
+_PARENT_DEATH_SIGNAL = 1
 
 
 def main(arguments: list[str]) -> None:
@@ -21,6 +24,7 @@ def main(arguments: list[str]) -> None:
     needs are found should the interpreter not find them. Does not return.
     """
     memory, mapped, cpu_s, file_size, network = (int(word) for word in arguments[:5])
+    _end_with_parent()
     _limit(memory, mapped, cpu_s, file_size)
     silent = os.open(os.devnull, os.O_RDWR)
     request, answer = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb", buffering=1 << 20)
@@ -33,6 +37,14 @@ def main(arguments: list[str]) -> None:
     _serve(request, answer)
     answer.flush()
     os._exit(0)  # finalisers of damaged objects have nothing to say
+
+
+def _end_with_parent() -> None:
+    """Let this process be killed when the one that started it ends, however that is (Linux, prctl(2))."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, ctypes.c_ulong(signal.SIGKILL))
 
 
 def _limit(memory: int, mapped: int, cpu_s: int, file_size: int) -> None:

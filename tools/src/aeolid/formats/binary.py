@@ -58,7 +58,7 @@ def read_outb(path: Path, choose: Choose) -> Table:
         else:
             _require_scale(path, name, scale[place - 1], offset[place - 1])
             columns[name] = (data[:, place - 1] - offset[place - 1]) / scale[place - 1]
-    marks = (unit[1:-1] for unit in units)  # (m/s)
+    marks = (unit[1:-1] if unit[:1] == "(" and unit[-1:] == ")" else unit for unit in units)  # (m/s)
     return Table(str(path), names, columns, dict(zip(names, marks, strict=True)), names[0])
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,9 @@ from aeolid.inputs import open_regular, regular_size
 
 _KIND = "Bladed results"
 _MOST_HEADER = 4 << 20  # bytes
+_MOST_IN_LINE = 64 << 10  # characters: thousands of names
 _MOST_FILES = 200
+_WORD = re.compile(r"""'([^']*)'|"([^"]*)"|([^\s'"]+|['"])""")  # a quote without its other end is a word
 _TYPES = {"R*4": "<f4", "R*8": "<f8", "I*4": "<i4", "I*2": "<i2"}
 _UNITS = {
     "A": "rad", "T": "s", "F": "N", "FL": "N m", "L": "m", "L/T": "m/s", "L/TT": "m/s^2", "A/T": "rad/s", "P": "W",
@@ -59,6 +60,14 @@ def is_bladed(path: Path) -> bool:
 def companions(path: Path) -> list[Path]:
     """Return the files that a recording of this name consists of, itself first."""
     return [path, *(r.data for r in _results(path))]
+
+
+def beside(path: Path) -> list[Path]:
+    """Return the headers and numbers that a recording of this name may consist of, unread."""
+    try:
+        return sorted(p for p in path.parent.iterdir() if p.stem == path.stem and is_bladed(p))
+    except OSError:
+        return []
 
 
 def read_bladed(path: Path, choose: Choose) -> Table:
@@ -120,8 +129,11 @@ def _header(path: Path) -> _Result:
 
 
 def _entries(text: str) -> Iterator[tuple[str, list[str]]]:
-    for line in text.splitlines():
-        words = shlex.split(line.strip(), posix=True)
+    """Yield the keyword of each line and its values, bare or within quotes; in time that goes with the length."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if len(line) > _MOST_IN_LINE:
+            raise ValueError(f"line {number} has more than {_MOST_IN_LINE >> 10} KiB")
+        words = [found[1] or found[2] or found[3] or "" for found in _WORD.finditer(line)]
         if words:
             yield words[0].upper(), words[1:]
 

@@ -1,7 +1,7 @@
 """Turn a time column into seconds: by its unit, by what it counts from, and from dates as text.
 
 Numbers since 1970 are told by their size: a recording made between 1973 and 2100 has 1e8 … 4e9 seconds behind it, so
-the same count in ms, µs and ns lies in decades of its own. A column without a unit that steps by whole numbers is not
+the same count in ms, µs and ns lies in decades of its own. A column without a unit that steps by 1 or more is not
 guessed: milliseconds and seconds look alike there, and the sentence asks.
 """
 
@@ -29,6 +29,9 @@ _WORDS = {
 }  # fmt: skip
 _SUFFIX = re.compile(r"(?:^|[_\s])(s|sec|seconds|ms|msec|us|usec|ns|min|minutes|h|hours)$", re.IGNORECASE)
 _EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
+_RARE_S = 3600.0  # between samples: a count of another kind is likelier than such a recording of a machine
+_DAYS = ((3.5e4, 8e4), (6.9e5, 8e5))  # since 1900 (1996 to 2119) and since the year 0 (1889 to 2190)
+_DAYS_STEP = 1e-4  # days: 8.6 s
 _ASK_FROM = 1.0  # steps of a column without unit, from which its unit is asked for
 _DATE = re.compile(r"\s*(?:\d{4}[-/]\d\d[-/]\d\d|\d\d\.\d\d\.\d{4})(?:[T\s]+\d\d:\d\d.*)?\s*$")
 _OTHER_DATE = re.compile(r"\s*\d{1,2}[/.-]\d{1,2}[/.-]\d{2,4}\b|\s*\d{1,2}:\d\d(?::\d\d)?|\d{4}-W\d\d|\s*\d{8}T\d{4,6}")
@@ -93,7 +96,12 @@ def clock_of(table: Table, heading: str, unit: str | None, stated: str | None, d
     known = values[np.isfinite(values)]
     said = unit_of_time(heading, unit, source) if stated is None else stated
     epoch = next((u for least, u in _EPOCHS if len(known) and known[0] >= least), None)
-    if stated is None and epoch is not None and (said is None or known[0] * UNITS[said] > 1e10):
+    if said is None and epoch is not None and _step(known) * UNITS[epoch] > _RARE_S:
+        said = _by_declared(known, declared)
+        if said is None:
+            reading = f"as {epoch} since 1970 that is one sample every {_step(known) * UNITS[epoch]:.4g} s"
+            raise _open(source, heading, known, reading, "ns, us, ms or s")
+    elif stated is None and epoch is not None and (said is None or known[0] * UNITS[said] > 1e10):
         if epoch != "s" or said != "s":
             log.warning(
                 "%s: the time column %r counts %s since 1970, so it is taken in %s", source, heading, epoch, epoch
@@ -133,12 +141,23 @@ def _by_declared(known: Array, declared: float | None) -> str | None:
 
 def _ask(source: str, heading: str, known: Array) -> None:
     step = _step(known)
-    if step >= _ASK_FROM and step == round(step):
+    days = any(least <= known[0] <= most for least, most in _DAYS) if len(known) else False
+    if days and 0 < step < _DAYS_STEP:
+        raise _open(source, heading, known, f"in days that is one sample in {step * 86400:.4g} s", "d or s")
+    if step >= _ASK_FROM:
         raise DataError(
             f"{source}: the time column {heading!r} steps by {step:g} and does not say its unit: in milliseconds that"
             f' is {1e3 / step:g} samples a second, in seconds one every {step:g} s; set time_unit = "ms" or "s"'
             " under [recording] in the roles file"
         )
+
+
+def _open(source: str, heading: str, known: Array, reading: str, units: str) -> DataError:
+    """Build the question for a unit that the numbers do not tell."""
+    return DataError(
+        f"{source}: the time column {heading!r} begins at {known[0]:.10g}, steps by {_step(known):.4g} and does not say"
+        f" its unit; {reading}; set time_unit under [recording] in the roles file to {units}"
+    )
 
 
 def looks_like_date(cell: str) -> bool:

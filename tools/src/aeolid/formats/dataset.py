@@ -13,6 +13,7 @@ import numpy as np
 from aeolid.errors import DataError
 from aeolid.formats.bounds import guard_size
 from aeolid.formats.clock import is_time_heading
+from aeolid.formats.headings import same_unit
 from aeolid.formats.table import Array, Choose, Table
 
 MOST_PARTS = 2000  # each takes a process of its own to read
@@ -63,6 +64,7 @@ def read_dataset(folder: Path, choose: Choose) -> Table:
             tables.append(table)
     if not tables:
         raise DataError(f"{folder}: {len(paths)} Parquet files without a row")
+    _require_one_kind(tables, wanted)
     return _joined(folder, tables, wanted)
 
 
@@ -75,6 +77,25 @@ def _present(path: Path, choose: Choose) -> Choose:
         return tuple(found)
 
     return checked
+
+
+def _require_one_kind(tables: Sequence[Table], wanted: Sequence[str]) -> None:
+    """Refuse a part whose units differ from the first part's, or which has numbers where that has dates."""
+    first = tables[0]
+    for part in tables[1:]:
+        for name in wanted:
+            there, here = first.units.get(name, ""), part.units.get(name, "")
+            if not same_unit(there, here):
+                raise DataError(
+                    f"{part.source}: channel {name!r} is in {here[:40]!r}, in {first.source} in {there[:40]!r}; convert"
+                    " one of them, or give the parts one by one"
+                )
+            if (name in first.begins) != (name in part.begins):
+                dated, plain = (first, part) if name in first.begins else (part, first)
+                raise DataError(
+                    f"{part.source}: channel {name!r} holds dates in {dated.source} and numbers in {plain.source};"
+                    " write it alike in all parts"
+                )
 
 
 def _limit(paths: Sequence[Path]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from aeolid.formats.table import Array, Choose, Table, unreadable
 LIBRARIES = {".xlsx": "openpyxl", ".h5": "h5py", ".hdf5": "h5py", ".tdms": "nptdms"}
 _KINDS = {"openpyxl": "Excel workbook", "h5py": "HDF5", "nptdms": "TDMS"}
 CLOCK = "time_s"
+_SAVE = "open the workbook in a spreadsheet and save it"
+log = logging.getLogger("aeolid.formats")
 
 
 def require_library(path: Path, suffix: str) -> None:
@@ -88,6 +91,8 @@ def _columns(path: Path, choose: Choose, function: str, kind: str, **more: Any) 
                     running.answer({"wanted": wanted})
                     continue
                 begins = units_of(facts, "begins")
+                if isinstance(unstored := facts.get("unstored"), int) and unstored:
+                    log.warning("%s: %d formulas without a stored value are missing samples; %s", path, unstored, _SAVE)
                 if more.get("own"):
                     measured = [n for n in wanted if n != CLOCK]
                     columns, clocks = clocks_of(arrays, measured)

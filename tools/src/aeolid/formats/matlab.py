@@ -7,6 +7,7 @@ about half a second more for a file.
 from __future__ import annotations
 
 import importlib.util
+from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -63,15 +64,20 @@ def send_arrays(path: str, source: str) -> Generator[Reply, dict[str, Any], None
 
 
 def numeric_arrays(path: str) -> dict[str, NDArray[Any]]:
-    """Return the numeric variables of a MATLAB file, or the fields of its structures. Raises what scipy raises."""
+    """Return the numeric variables of a MATLAB file and the fields of its structures. Raises what scipy raises.
+
+    A field has its bare name where nothing else has that, otherwise that of its structure before it: meas.u, sim.u.
+    """
     from scipy.io import loadmat
 
-    arrays: dict[str, Any] = {}
+    found: list[tuple[str, str, Any]] = []  # name of the structure, or nothing; name; array
     for name, value in loadmat(path, squeeze_me=False, struct_as_record=True).items():
         if name.startswith("__") or not isinstance(value, np.ndarray):
             continue
         if value.dtype.names and value.size == 1:
-            arrays |= {field: value.reshape(-1)[0][field] for field in value.dtype.names}
+            found += [(name, field, value.reshape(-1)[0][field]) for field in value.dtype.names]
         else:
-            arrays[name] = value
-    return {k: v for k, v in arrays.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"}
+            found.append(("", name, value))
+    found = [entry for entry in found if isinstance(entry[2], np.ndarray) and entry[2].dtype.kind in "biufc"]
+    bare = Counter(name for _, name, _ in found)
+    return {f"{of}.{name}" if of and bare[name] > 1 else name: array for of, name, array in found}

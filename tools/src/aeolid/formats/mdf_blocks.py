@@ -13,10 +13,12 @@ import numpy as np
 from aeolid.confined import Reply
 from aeolid.errors import DataError
 from aeolid.formats.bounds import guard_size
+from aeolid.formats.clock import UNITS, unit_of_time
 from aeolid.formats.conversions import convert, is_formula
 from aeolid.formats.table import Array, listed, to_numbers
 
 _SAME_INSTANT = 1e-9  # seconds: channels of one clock carry the same stamps
+_TIME, _MASTERS = 1, {2: "angle", 3: "distance", 4: "index"}  # what the channels of a group are recorded over
 _BUS_EVENT = 2  # flag of a channel group
 
 
@@ -98,13 +100,24 @@ def _channel(file: Any, source: str, name: str, group: int, index: int) -> tuple
     if clock is not None and is_formula(file.groups[group].channels[clock].conversion):
         raise DataError(f"{source}: the clock of channel {name!r} is computed by a formula; export it resampled")
     raw, invalid = file.get(group=group, index=index, raw=True, samples_only=True)
-    stamps = np.asarray(file.get_master(group), dtype=float)
+    scale = 1.0 if clock is None else _seconds_of(source, name, file.groups[group].channels[clock])
+    stamps = scale * np.asarray(file.get_master(group), dtype=float)
     whole = np.asarray(raw).dtype.kind in "biu"
     values = convert(source, name, channel.conversion, to_numbers(source, name, raw), whole)
     if invalid is not None:
         values = np.where(np.asarray(invalid, dtype=bool), np.nan, values)
     unit = getattr(channel.conversion, "unit", "") or channel.unit or ""
     return stamps, values, str(unit)
+
+
+def _seconds_of(source: str, name: str, clock: Any) -> float:
+    """Return what the values of a channel's master are multiplied by to be seconds; refuses one that is no time."""
+    where = f"{source}: channel {name!r}"
+    if clock.sync_type not in (0, _TIME):
+        kind = _MASTERS.get(clock.sync_type, f"kind {clock.sync_type}")
+        raise DataError(f"{where} is recorded over the {kind} {clock.name!r}, not over time; export it over time")
+    unit = getattr(clock.conversion, "unit", "") or clock.unit or ""
+    return UNITS[unit_of_time("time", str(unit), where) or "s"]
 
 
 def _require_one_clock(source: str, first: tuple[str, Array], other: tuple[str, Array]) -> None:

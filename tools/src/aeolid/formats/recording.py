@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -11,13 +12,15 @@ import numpy as np
 
 from aeolid.errors import DataError
 from aeolid.formats import extras
-from aeolid.formats.bladed import companions, is_bladed, read_bladed
+from aeolid.formats.bladed import beside, companions, is_bladed, read_bladed
 from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
 from aeolid.formats.timebase import Grid, uniform_grid
 from aeolid.inputs import regular_size
 from aeolid.record import Channel, Record, Roles, file_sha256
+
+log = logging.getLogger("aeolid.formats")
 
 SUFFIXES = (  # of what is taken for a recording in a folder: others are read by name
     ".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log", ".sel", ".tdms",
@@ -68,6 +71,12 @@ def _on_one_clock(
     """Return the uniform clock of a table, the values (N, channels) on it, and the instant that it counts from."""
     heading = _time_heading(table.names, roles, table.time, table.source)
     clock = None
+    likely = [n for n in table.names if is_time_heading(n)]
+    if heading is None and likely and roles.sample_time_s is not None:
+        log.warning(
+            "%s: the time column %s is not looked at; the sample time of the roles file is taken as it is",
+            table.source, " nor ".join(map(repr, likely[:3])),
+        )  # fmt: skip
     if heading is not None:
         unit = _unit(table, heading)
         clock = clock_of(table, heading, unit, roles.time_unit, roles.sample_time_s)
@@ -169,6 +178,21 @@ def _reader(suffix: str, path: Path) -> Callable[..., Table]:
     return binary.read_outb
 
 
+def files_of(path: Path) -> list[Path]:
+    """List the files that may be read for a recording of this name, itself first; none of them is opened."""
+    if path.is_dir():
+        from aeolid.formats.dataset import parts_of
+
+        return [path, *parts_of(path)]
+    if path.suffix.lower() in (".sel", ".dat"):
+        from aeolid.formats.hawc2 import companions as both
+
+        return [path, *both(path)]
+    if is_bladed(path):
+        return [path, *beside(path)]
+    return [path]
+
+
 def _hash(path: Path) -> str:
     """Return the SHA-256 of a recording's file; where it consists of several, that of their sums in hexadecimal."""
     if path.is_dir():
@@ -211,8 +235,17 @@ def _time_heading(names: Sequence[str], roles: Roles, clock: str | None, source:
         return clock
     if "time_s" in bare:
         return find_heading("time_s", names, source)
-    likely = [name for name in names if is_time_heading(name)] if roles.sample_time_s is None else []
+    ignored = _ignored_times(names, roles)
+    likely = [name for name in names if is_time_heading(name) and name not in ignored]
     return likely[0] if len(likely) == 1 else None
+
+
+def _ignored_times(names: Sequence[str], roles: Roles) -> list[str]:
+    """List the time columns that a roles file with a sample time of its own gives the role `ignore`."""
+    if roles.sample_time_s is None:
+        return []
+    ignored = {c.heading for c in roles.channels if c.role == "ignore"}
+    return [n for n in names if is_time_heading(n) and (n in ignored or split_heading(n)[0] in ignored)]
 
 
 def _unit(table: Table, heading: str) -> str | None:

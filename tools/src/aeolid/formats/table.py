@@ -88,13 +88,25 @@ def _numbers_from_objects(source: str | Path, name: str, array: NDArray[np.gener
         )
     out = np.full(len(array), np.nan)
     for index, value in enumerate(array.tolist()):
-        if value is None or value == "":
+        if value is None or (isinstance(value, str) and not value.strip()):
             continue
+        if isinstance(value, str | bytes) and not is_number_text(value):
+            raise text_error(source, name, f"sample {before + index + 1}", value)
         try:
             out[index] = float(value)
         except (TypeError, ValueError, OverflowError):
             raise text_error(source, name, f"sample {before + index + 1}", value) from None
     return out
+
+
+def is_number_text(text: str | bytes) -> bool:
+    """Tell whether a text is a number. Python alone would also take 1_000 and the figures of other scripts for one."""
+    written = text.decode("latin-1") if isinstance(text, bytes) else text
+    try:
+        float(written)
+    except ValueError:
+        return False
+    return written.isascii() and "_" not in written
 
 
 def text_error(source: str | Path, name: str, place: str, value: object) -> DataError:

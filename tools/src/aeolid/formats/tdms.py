@@ -38,6 +38,8 @@ def send_channels(path: str, source: str, most: int, own: bool = False) -> Gener
         begins: dict[str, str] = {}
         columns = {n: _values(source, n, places[n], begins) for n in wanted if n != CLOCK}
         stamps = {n: _stamps(source, n, places[n]) for n in columns} if waves else {}
+        if stamps:
+            begins |= _from_the_earliest({n: places[n] for n in stamps}, stamps)
         if own and waves:
             pairs = {str(i): columns[n] for i, n in enumerate(columns)}
             yield {"begins": begins}, pairs | {f"t{i}": stamps[n] for i, n in enumerate(columns)}
@@ -69,6 +71,22 @@ def _stamps(source: str, name: str, channel: Any) -> Array:
     offset = channel.properties.get("wf_start_offset", 0.0)
     first = float(offset) if isinstance(offset, int | float) and np.isfinite(offset) else 0.0
     return first + step * np.arange(len(channel), dtype=np.float64)
+
+
+def _from_the_earliest(channels: dict[str, Any], stamps: dict[str, Array]) -> dict[str, str]:
+    """Let stamps count from the earliest start of a waveform; returns that instant where every channel says its own."""
+    starts = {n: c.properties.get("wf_start_time") for n, c in channels.items()}
+    instants = {n: s.astype("datetime64[ns]") for n, s in starts.items() if isinstance(s, np.datetime64)}
+    known = {n: int(s.astype(np.int64)) for n, s in instants.items() if not np.isnat(s)}
+    earliest = min(known.values(), default=0)
+    for name, start in known.items():
+        stamps[name] += 1e-9 * (start - earliest)
+    if len(known) < len(channels):
+        return {}
+    import pyarrow as pa
+
+    _, begin = relative(pa.array(np.array([earliest], "datetime64[ns]")), "UTC")
+    return {CLOCK: begin}
 
 
 def _one_clock(source: str, stamps: dict[str, Array]) -> Array:

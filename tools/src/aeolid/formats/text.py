@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import itertools
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,19 @@ from aeolid.errors import DataError
 from aeolid.formats.bounds import MOST_LINE, guard_names, guard_size
 from aeolid.formats.clock import date_hint, looks_like_date, seconds_of_dates
 from aeolid.formats.headings import bare_heading, split_heading
-from aeolid.formats.table import Array, Choose, Table, positions, text_error
+from aeolid.formats.table import Array, Choose, Table, is_number_text, positions, text_error
 from aeolid.formats.unpacking import GZIP, bounded_lines, open_text
 from aeolid.inputs import open_regular
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "#N/A", "-nan")
 _BLOCK = 1 << 22  # bytes read at a time: memory is bounded by the wanted columns, not by the file
 _CELLS = 1 << 16  # that are Python numbers at a time
+_LINE_END = re.compile(r"\r\n|\r|\n")  # what Arrow ends a line at; str.splitlines takes form feeds and others, too
+_BLANKS = tuple(" " * width for width in range(1, 65))  # cells of which nothing is left
+_LOOKED_AT = 100  # rows in which the decimal sign is looked for
+_SEPARATOR = re.compile(r'"?sep=([,;\t|])"?\s*', re.IGNORECASE)  # what a spreadsheet writes above the headings
+_WITH_COMMA = re.compile(r"\s*[+-]?\d+,\d+(?:[eE][+-]?\d+)?\s*", re.ASCII)
+_WITH_POINT = re.compile(r"\s*[+-]?\d*\.\d+(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,12 @@ class Layout:
     decimal: str
     skip: int
     encoding: str
-    first: tuple[str, ...] = ()  # the cells of sample 1
+    rows: tuple[tuple[str, ...], ...] = ()  # the cells of the first samples
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """Return the cells of sample 1; empty where there is none."""
+        return next((row for row in self.rows if row), ())
 
     def dates(self, wanted: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of the wanted columns that begin with a date."""
@@ -47,6 +58,7 @@ def read_csv(path: Path, choose: Choose) -> Table:
     """Read the chosen columns of a CSV file; comma, semicolon or tab, with decimal comma where semicolons separate."""
     layout = _csv_layout(path)
     wanted = choose(layout.names, None)
+    layout = replace(layout, decimal=_decimal(layout, wanted))
     try:
         columns, begins = _read_columns(path, layout, wanted)
     except ValueError as error:  # what pyarrow raises for bad cells and ragged rows, without the place
@@ -127,25 +139,47 @@ def _csv_layout(path: Path) -> Layout:
     if b"\0" in head:
         raise DataError(f"{path}: binary data, not a text table; give the file its right suffix or export it as CSV")
     encoding = "utf-8" if _decodes(head) else "cp1252"
-    lines = head.decode(encoding, errors="replace").removeprefix("\ufeff").splitlines()
-    skip = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
-    if skip is None:
+    lines = _LINE_END.split(head.decode(encoding, errors="replace").removeprefix("\ufeff"))
+    filled = [i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")]
+    stated = _SEPARATOR.fullmatch(lines[filled[0]]) if filled else None
+    filled = filled[1:] if stated else filled
+    if not filled:
         raise DataError(f"{path}: comment lines only; a heading line and one row a sample are needed")
-    return _heading(path, lines[skip : skip + 3], skip, encoding)
+    skip = filled[0]
+    return _heading(path, lines[skip : skip + _LOOKED_AT], skip, encoding, stated[1] if stated else None)
 
 
-def _heading(path: Path, lines: list[str], skip: int, encoding: str) -> Layout:
-    delimiter = max(",;\t", key=lines[0].count)
+def _heading(path: Path, lines: list[str], skip: int, encoding: str, stated: str | None) -> Layout:
+    delimiter = stated or max(",;\t", key=lines[0].count)
     names = guard_names(path, tuple(bare_heading(cell.strip()) for cell in _cells(path, lines[0], delimiter)))
-    if all(_is_number(name) for name in names):
+    if all(is_number_text(name) for name in names):
         raise DataError(f"{path}: line {skip + 1} holds numbers where the headings should be; add a heading line")
     units = {name: unit for name in names if (unit := split_heading(name)[1]) is not None}
-    rows = [_cells(path, line, delimiter) for line in lines[1:]]
+    rows = _rows(lines[1:], delimiter)
     if rows and len(rows[0]) == len(names) and _is_unit_row(rows[0]) and len(rows) > 1 and not _is_unit_row(rows[1]):
         units |= {n: u.strip().strip("[]()") for n, u in zip(names, rows.pop(0), strict=True) if u.strip()}
         skip += 1
-    decimal = "," if delimiter != "," and rows and any("," in cell for cell in rows[0]) else "."
-    return Layout(names, units, delimiter, decimal, skip + 1, encoding, tuple(rows[0]) if rows else ())
+    return Layout(names, units, delimiter, ".", skip + 1, encoding, tuple(map(tuple, rows)))
+
+
+def _decimal(layout: Layout, wanted: Sequence[str]) -> str:
+    """Return the decimal sign of the wanted numbers: a comma where some of the first samples have one, none a point."""
+    if layout.delimiter == ",":
+        return "."
+    dates = layout.dates(tuple(wanted))
+    index = positions(layout.names, [name for name in wanted if name not in dates])
+    cells = [row[i] for row in layout.rows for i in index if i < len(row)]
+    return "," if any(map(_WITH_COMMA.fullmatch, cells)) and not any(map(_WITH_POINT.fullmatch, cells)) else "."
+
+
+def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
+    """Split the first lines of the body; what cannot be split is left to the reader of the whole."""
+    rows: list[list[str]] = []
+    try:
+        rows.extend(next(csv.reader([line], delimiter=delimiter), []) for line in lines)
+    except csv.Error:
+        return rows
+    return rows
 
 
 def _cells(path: Path, line: str, delimiter: str) -> list[str]:
@@ -159,7 +193,7 @@ def _cells(path: Path, line: str, delimiter: str) -> list[str]:
 def _is_unit_row(cells: list[str]) -> bool:
     """Tell a row of units from a row of samples: words stand there, none of them a number or a mark for "missing"."""
     words = [c for c in cells if c.strip() and c.strip() not in EMPTY]
-    return bool(words) and not any(_is_number(c) or looks_like_date(c) for c in words)
+    return bool(words) and not any(is_number_text(c) or looks_like_date(c) for c in words)
 
 
 def _decodes(head: bytes) -> bool:
@@ -183,7 +217,7 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> tuple[
         encoding=layout.encoding,
     )  # fmt: skip
     convert = arrow_csv.ConvertOptions(
-        column_types=types, include_columns=keys, null_values=list(EMPTY), decimal_point=layout.decimal
+        column_types=types, include_columns=keys, null_values=[*EMPTY, *_BLANKS], decimal_point=layout.decimal
     )
     parts: dict[str, list[Any]] = {key: [] for key in keys}
     rows = 0
@@ -217,7 +251,8 @@ def _locate(path: Path, layout: Layout, wanted: tuple[str, ...], cause: str) -> 
     index = positions(layout.names, [name for name in wanted if name not in dates])
     try:
         with open_text(path) as raw:
-            lines = (line.decode(layout.encoding, "replace") for line in bounded_lines(path, raw))
+            texts = (line.decode(layout.encoding, "replace") for line in bounded_lines(path, raw))
+            lines = (line for text in texts for line in re.split(r"(?<=\r)(?!\n)", text) if line)
             body = itertools.islice(lines, layout.skip, None)
             return _first_fault(path, layout, index, csv.reader(body, delimiter=layout.delimiter))
     except csv.Error as error:
@@ -235,9 +270,8 @@ def _first_fault(path: Path, layout: Layout, index: list[int], rows: Iterator[li
         if len(cells) != len(layout.names):
             return _ragged(path, sample, layout.skip + 1, len(layout.names), len(cells))
         for i in index:
-            cell = cells[i].strip()
-            number = cell.replace(",", ".") if layout.decimal == "," else cell
-            if cell not in EMPTY and not _is_number(number):
+            cell = cells[i].strip(" \t")
+            if cell not in EMPTY and not _arrow_reads(cell, layout.decimal):
                 place = f"sample {sample + 1} (line {layout.skip + 1 + sample})"
                 hint = date_hint(cell)
                 told = f"{path}: channel {layout.names[i]!r}, {place}: {cell[:40]!r} is not a number{hint}"
@@ -253,9 +287,8 @@ def _ragged(path: Path, sample: int, first: int, expected: int, found: int) -> D
     )
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text.strip().replace("_", "x"))  # Python would read 1_000 as a number, nobody's logger writes it
-    except ValueError:
-        return False
-    return True
+def _arrow_reads(cell: str, decimal: str) -> bool:
+    """Tell whether Arrow takes a cell for a number; Python takes figures of other scripts, 1_000 and other blanks."""
+    sign = re.escape(decimal)
+    digits = rf"(?:\d+(?:{sign}\d*)?|{sign}\d+)(?:[eE][+-]?\d+)?"
+    return re.fullmatch(rf"[+-]?(?:{digits}|nan(?:\(\w*\))?|inf|infinity)", cell, re.ASCII | re.IGNORECASE) is not None

@@ -32,12 +32,13 @@ def send_columns(path: str, source: str, most: int) -> Generator[Reply, dict[str
             break
     else:
         raise DataError(f"{source}: no sheet holds a row of headings above rows of numbers")
-    places, first = head
-    names = list(places)
+    headings, first = head
+    names = [name for name, _ in headings]
+    places = dict(reversed(headings))  # of a doubled one the first; whoever wants it by name is refused
     units = {name: unit for name in names if (unit := split_heading(name)[1]) is not None}
     body: Iterator[tuple[Any, ...]] = iter([first])
     if _is_units(first):
-        units |= {n: str(first[i]).strip("[]() ") for n, i in places.items() if i < len(first) and first[i]}
+        units |= {n: str(first[i]).strip("[]() ") for n, i in headings if i < len(first) and first[i]}
         body = iter(())
     wanted = (yield {"asks": "wanted", "names": names, "units": units}, {})["wanted"]
     cells: dict[str, list[Any]] = {name: [] for name in wanted}
@@ -51,16 +52,34 @@ def send_columns(path: str, source: str, most: int) -> Generator[Reply, dict[str
                 cells[name].append(row[places[name]] if places[name] < len(row) else None)
     begins: dict[str, str] = {}
     columns = [_column(source, name, _trimmed(cells, count)[name], begins) for name in wanted]
-    yield {"begins": begins}, {str(i): values for i, values in enumerate(columns)}
+    missing = any(np.isnan(values).any() for values in columns)
+    unstored = _unstored(path, sheet.title, {places[n] for n in wanted}) if missing else 0
+    yield {"begins": begins, "unstored": unstored}, {str(i): values for i, values in enumerate(columns)}
 
 
-def _heading(rows: Iterator[tuple[Any, ...]]) -> tuple[dict[str, int], tuple[Any, ...]] | None:
-    """Return where each heading stands, and the row after it; None where the sheet has no row of texts."""
+def _unstored(path: str, title: str, places: set[int]) -> int:
+    """Count the formulas in some columns of a sheet of which the file holds no value."""
+    from openpyxl import load_workbook
+
+    values, formulas = (
+        load_workbook(path, read_only=True, data_only=only, keep_links=False)[title].iter_rows(values_only=True)
+        for only in (True, False)
+    )
+    return sum(
+        value is None and isinstance(formula, str) and formula.startswith("=")
+        for row, written in zip(values, formulas, strict=False)
+        for i, (value, formula) in enumerate(zip(row, written, strict=False))
+        if i in places
+    )
+
+
+def _heading(rows: Iterator[tuple[Any, ...]]) -> tuple[list[tuple[str, int]], tuple[Any, ...]] | None:
+    """Return the headings and where each stands, and the row after it; None where the sheet has no row of texts."""
     for _, row in zip(range(_LOOKED_AT), rows, strict=False):
-        texts = {str(c).strip(): i for i, c in reversed(list(enumerate(row))) if isinstance(c, str) and c.strip()}
+        texts = [(c.strip(), i) for i, c in enumerate(row) if isinstance(c, str) and c.strip()]
         if len(texts) >= 2:
             following = next(rows, None)
-            return None if following is None else (dict(sorted(texts.items(), key=lambda pair: pair[1])), following)
+            return None if following is None else (texts, following)
     return None
 
 

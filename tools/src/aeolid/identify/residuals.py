@@ -45,22 +45,28 @@ class ResidualTest:
 
 @dataclass(frozen=True)
 class ResidualReport:
-    """Hold all tests of one validation; level is the chance of any alarm on an exact model."""
+    """Hold all tests of one validation; level is the chance of any alarm on an exact model.
+
+    diverging: outputs whose innovations grow beyond all numbers, since the predictor is unstable; there are no tests
+    then, and the verdict is "fail".
+    """
 
     tests: tuple[ResidualTest, ...]
     lags: int
     level: float
+    diverging: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
         """Return the worst verdict of all tests."""
         found = {t.verdict for t in self.tests}
-        return "fail" if "fail" in found else "immaterial" if "immaterial" in found else "pass"
+        return "fail" if "fail" in found or self.diverging else "immaterial" if "immaterial" in found else "pass"
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON facts."""
         tests = [t.to_json() for t in self.tests]
-        return {"verdict": self.verdict, "lags": self.lags, "level": self.level, "tests": tests}
+        facts = {"verdict": self.verdict, "lags": self.lags, "level": self.level, "tests": tests}
+        return facts | ({"diverging": list(self.diverging)} if self.diverging else {})
 
 
 def run_residual_tests(
@@ -78,10 +84,20 @@ def run_residual_tests(
     """
     innovations, u, lengths = _long_enough(innovations, u, lengths, lags + order)
     N = len(innovations)
+<<<<<<< HEAD
     white = np.column_stack([whiten(x, lengths=lengths) for x in u.T]) if u.shape[1] else np.zeros((N, 0))
     columns = [Spaced.of(x, lengths, lags) for x in (*innovations.T, *white.T)]
     e, v = columns[: len(outputs)], columns[len(outputs) :]
     sources = {name: x.own() for name, x in zip((*outputs, *inputs), columns, strict=True)}
+=======
+    with np.errstate(all="ignore"):
+        grown = ~np.isfinite(np.sum(innovations**2, axis=0) * N)
+    if grown.any():
+        return ResidualReport((), lags, LEVEL, tuple(name for name, g in zip(outputs, grown, strict=True) if g))
+    white = np.column_stack([whiten(u[:, j]) for j in range(u.shape[1])]) if u.shape[1] else np.zeros((N, 0))
+    columns = [*innovations.T, *white.T]
+    sources = {name: correlation(x, lags) for name, x in zip((*outputs, *inputs), columns, strict=True)}
+>>>>>>> 264b01115a1afb33ce9a80480ff1a0941e735137
     found = []
     for i, output in enumerate(outputs):
         for j, other in enumerate(outputs):

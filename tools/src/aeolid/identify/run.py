@@ -16,6 +16,7 @@ from aeolid.models.angles import renamed, split_angles
 from aeolid.models.blade_sets import in_fixed_frame
 from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import index_of_reference
+from aeolid.record import require_distinct
 
 if TYPE_CHECKING:
     from aeolid.identify.choices import Choices
@@ -55,6 +56,7 @@ def identify_records(
     from aeolid.identify.sound import identify_soundly
 
     request.check(streamed=streamed is not None)
+    require_distinct(records)
     records = list(records) if streamed is not None else in_fixed_frame(records, names(request.blades))
     records, own = of_outputs_alone(records, names(request.outputs)), request.own()
     index_of_reference(records[0].names("output"), request.reference)

@@ -6,6 +6,7 @@ import ast
 import json
 import keyword
 import math
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,7 +41,7 @@ def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
         raise DataError(f"{source} [model]: name = {shown(name)} is not a text")
     sample_time = _time_base(head, source)
     parameters = _parameters(data.get("parameters", {}), source)
-    tables = {key: _tables(data, key, source) for key in _LISTS}
+    tables = {key: [_as_in_formulas(key, entry) for entry in _tables(data, key, source)] for key in _LISTS}
     key = "next" if sample_time else "derivative"
     states = tuple(_state(s, i, text, source, key) for i, s in enumerate(tables["state"]))
     outputs = tuple(_output(o, i, text, source) for i, o in enumerate(tables["output"]))
@@ -73,10 +74,35 @@ def _with_inputs(model: Equations, declared: Sequence[tuple[str, Signal]], sourc
                 [o.equation for o in model.outputs], memories]  # fmt: skip
     for tree in (tree for group in formulas for tree in group):
         found = sorted(ex.names_in(tree) - known)
+        own_output = next((name for name in found if name in {o.name for o in model.outputs}), None)
+        if own_output is not None:
+            raise DataError(
+                f"{source}: {own_output!r} is an output; as an input it would be fed with what was recorded of it."
+                " Write its equation there, or what it is computed from as an [[auxiliary]]"
+            )
         known.update(found)
         symbols += found
         signals += map(Signal, found)
     return replace(model, inputs=tuple(signals), symbols=tuple(symbols))
+
+
+def _as_in_formulas(kind: str, entry: Any) -> Any:
+    """Return a table with its names as Python reads them in a formula: there the micro sign is the Greek letter.
+
+    Names of channels stay as they are: of inputs it is the symbol that formulas hold.
+    """
+    if not isinstance(entry, dict) or kind == "output":
+        return entry
+    if kind == "input" and "name" in entry:
+        entry = {"symbol": entry["name"]} | entry
+    keys: tuple[str, ...] = ("symbol" if kind == "input" else "name",)
+    if kind == "input_filter":
+        keys = tuple(KINDS[entry["kind"]].slots) if _is_kind(entry.get("kind")) else ()
+    return entry | {k: _normal(entry[k]) for k in keys if k in entry}
+
+
+def _normal(name: Any) -> Any:
+    return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
 
 
 def _tables(data: dict[str, Any], key: str, source: str) -> list[Any]:
@@ -91,7 +117,7 @@ def _parameters(table: Any, source: str) -> tuple[Parameter, ...]:
     if not isinstance(table, dict):
         raise DataError(f"{source}: parameters = {shown(table)} is not a table, headed [parameters]")
     require_few(len(table), "parameters", source)
-    return tuple(_parameter(name, entry, source) for name, entry in table.items())
+    return tuple(_parameter(_normal(name), entry, source) for name, entry in table.items())
 
 
 def _unit(entry: Any, where: str) -> str:

@@ -12,6 +12,8 @@ from aeolid.errors import DataError
 from aeolid.models.model_file import (
     Signal,
     read_array,
+    read_channels,
+    read_covariance,
     read_signals,
     read_size,
     read_states,
@@ -143,7 +145,7 @@ def from_json(data: dict[str, Any], source: str) -> LpvStateSpace:
     """Build the model from the content of model.json; raises DataError that names the key."""
     require_keys(data, ("A", "B", "C", "inputs", "outputs", "sample_time_s", "scheduling"), source)
     scheduling = _scheduling(data["scheduling"], source)
-    inputs, outputs = (read_signals(data[k], k, source) for k in ("inputs", "outputs"))
+    inputs, outputs = read_channels(data, source)
     m, r, l_ = 1 + len(scheduling), len(inputs), len(outputs)
     stack = data["A"]
     n = read_size(stack[0] if isinstance(stack, list) and stack else None, "A", source)
@@ -151,13 +153,13 @@ def from_json(data: dict[str, Any], source: str) -> LpvStateSpace:
     states = read_states(data.get("states"), n, source)
     D = _stacked(data, "D", m, (l_, r), source) if data.get("D") is not None else np.zeros((m, l_, r))
     K = _stacked(data, "K", m, (n, l_), source) if data.get("K") is not None else None
-    covariance = data.get("innovation_covariance")
+    covariance = read_covariance(data.get("innovation_covariance"), l_, "innovation_covariance", source)
     x0 = np.zeros(n) if data.get("x0") is None else read_array(data["x0"], (n,), "x0", source)
     b = data.get("state_constant")
     return LpvStateSpace(
         A, _stacked(data, "B", m, (n, r), source), _stacked(data, "C", m, (l_, n), source), D, K,
         np.zeros((m, n)) if b is None else read_array(b, (m, n), "state_constant", source), x0,
-        None if covariance is None else read_array(covariance, (l_, l_), "innovation_covariance", source),
+        covariance,
         read_time_step(data, source, continuous=False), inputs, outputs, states, scheduling,
     )  # fmt: skip
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +17,11 @@ from aeolid.record import check_keys
 from aeolid.text_files import MOST_LETTERS, is_number, shown
 
 Array = NDArray[np.float64]
+_KEYS = (  # of a model; another spelling of one would leave its default in place
+    "kind", "sample_time_s", "inputs", "outputs", "states", "A", "B", "C", "D", "K", "x0", "innovation_covariance",
+    "scheduling", "state_constant",
+)  # fmt: skip
+_ROUNDING = 1e-6  # of a covariance's largest entry: files are written with few digits
 MOST_STATES = 800  # of a linear model: an eigenvalue problem of a second; its file holds no more
 
 
@@ -31,9 +38,41 @@ def require_keys(data: dict[str, Any], keys: Sequence[str], source: str) -> None
     """Refuse another kind of model, or one that lacks a key."""
     if data.get("kind") != "state_space":
         raise DataError(f"{source}: kind is {shown(data.get('kind'))}, 'state_space' is needed")
+    known = {_plain(key): key for key in (*_KEYS, *keys)}
+    for key in data:
+        if known.get(_plain(key), key) != key:
+            raise DataError(f"{source}: key {shown(key)} is not read; {known[_plain(key)]!r} is")
     for key in keys:
         if key not in data:
             raise DataError(f"{source}: key {key!r} is missing")
+
+
+def _plain(key: str) -> str:
+    return re.sub(r"[\s_-]", "", key).lower()
+
+
+def read_channels(data: dict[str, Any], source: str) -> tuple[tuple[Signal, ...], tuple[Signal, ...]]:
+    """Read the inputs and outputs of a model; refuses a name that stands twice in one of the lists."""
+    inputs, outputs = (read_signals(data[key], key, source) for key in ("inputs", "outputs"))
+    for key, signals in (("inputs", inputs), ("outputs", outputs)):
+        names = [s.name for s in signals]
+        double = next((n for n, count in Counter(names).items() if count > 1), None)
+        if double is not None:
+            raise DataError(f"{source}: {key} names {double!r} twice; rename or leave out one of them")
+    return inputs, outputs
+
+
+def read_covariance(value: Any, count: int, key: str, source: str) -> Array | None:
+    """Read a covariance (count, count), None where there is none; refuses what no covariance can be."""
+    if value is None:
+        return None
+    found = read_array(value, (count, count), key, source)
+    slack = _ROUNDING * float(abs(found).max(initial=0.0))
+    if np.any(abs(found - found.T) > slack):
+        raise DataError(f"{source}: {key} is not symmetric, as every covariance is")
+    if count and float(np.linalg.eigvalsh(found)[0]) < -slack:
+        raise DataError(f"{source}: {key} has a negative eigenvalue; no covariance has one")
+    return found
 
 
 def read_signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:

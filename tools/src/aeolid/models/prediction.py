@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+<<<<<<< HEAD
 from collections.abc import Sequence
+=======
+from dataclasses import replace
+>>>>>>> 264b01115a1afb33ce9a80480ff1a0941e735137
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +87,7 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     """
     horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y = u[:horizon], y[:horizon]
+<<<<<<< HEAD
     states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
     known: Flags = np.isfinite(y)
     innovation = np.where(known, y, 0.0) - states @ model.C.T - u @ model.D.T  # (N, l)
@@ -96,6 +101,23 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
         good = np.asarray(np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1))
     used = known & good[:, None]
     x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
+=======
+    with np.errstate(all="ignore"):  # an unstable predictor overflows: those samples are left out
+        states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
+        innovation = y - states @ model.C.T - u @ model.D.T  # (N, l)
+    transition = model.A - gain(model) @ model.C
+    rows = np.empty((horizon, len(model.outputs), model.order))
+    block = model.C * weight[:, None]
+    with np.errstate(all="ignore"):
+        for k in range(horizon):
+            rows[k] = block
+            block = block @ transition
+        good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
+    if not good.all() and model.K is not None:  # of an unstable predictor: the rows left say nothing of the start
+        return estimate_initial_state(replace(model, K=None), u, y)
+    matrix = rows[good].reshape(-1, model.order)
+    x0 = lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)
+>>>>>>> 264b01115a1afb33ce9a80480ff1a0941e735137
     return np.asarray(x0, dtype=np.float64)
 
 
@@ -145,18 +167,30 @@ def free_run(model: StateSpace, u: Array, x0: Array) -> Array:
 
 
 def vaf(y: Array, estimate: Array) -> Array:
-    """Return 100 (1 − var(y − ŷ)/var(y)) in percent, (l,), samples with NaN left out; may be below 0."""
+    """Return 100 (1 − var(y − ŷ)/var(y)) in percent, (l,), missing samples of y left out; may be below 0.
+
+    NaN for an estimate that is lost, be it at one sample: what is left of it would look good.
+    """
     with np.errstate(all="ignore"):
         ratio = np.nanvar(y - estimate, axis=0) / np.nanvar(y, axis=0)
-    out: Array = 100.0 * (1.0 - ratio)
+    out: Array = np.where(_lost(y, estimate), np.nan, 100.0 * (1.0 - ratio))
     return out
 
 
 def nrmse(y: Array, estimate: Array) -> Array:
-    """Return rms(y − ŷ)/std(y), (l,): 0 is exact, 1 as good as the mean; samples with NaN left out."""
+    """Return rms(y − ŷ)/std(y), (l,): 0 is exact, 1 as good as the mean; missing samples of y left out.
+
+    NaN for an estimate that is lost, as in `vaf`.
+    """
     with np.errstate(all="ignore"):
-        out: Array = np.sqrt(np.nanmean((y - estimate) ** 2, axis=0)) / np.nanstd(y, axis=0)
+        ratio = np.sqrt(np.nanmean((y - estimate) ** 2, axis=0)) / np.nanstd(y, axis=0)
+    out: Array = np.where(_lost(y, estimate), np.nan, ratio)
     return out
+
+
+def _lost(y: Array, estimate: Array) -> NDArray[np.bool_]:
+    """Tell of which outputs (l,) an estimate is no number at a sample that was recorded."""
+    return np.asarray((np.isfinite(y) & ~np.isfinite(estimate)).any(axis=0))
 
 
 def complete_stretches(values: Array, shortest: int) -> list[tuple[int, int]]:

@@ -13,7 +13,8 @@ from aeolid.errors import DataError
 from aeolid.models.model_file import (
     Signal,
     read_array,
-    read_signals,
+    read_channels,
+    read_covariance,
     read_size,
     read_states,
     read_time_step,
@@ -98,15 +99,14 @@ def from_json(data: dict[str, Any], source: str) -> StateSpace:
     if data.get("scheduling"):
         raise DataError(f"{source}: a scheduled (LPV) model; a linear time-invariant one is needed here")
     require_keys(data, ("A", "B", "C", "inputs", "outputs", "sample_time_s"), source)
-    inputs, outputs = (read_signals(data[k], k, source) for k in ("inputs", "outputs"))
+    inputs, outputs = read_channels(data, source)
     n = read_size(data["A"], "A", source)
     r, m = len(inputs), len(outputs)
     A, B, C = (read_array(data[k], shape, k, source) for k, shape in (("A", (n, n)), ("B", (n, r)), ("C", (m, n))))
     states = read_states(data.get("states"), n, source)
     D = read_array(data["D"], (m, r), "D", source) if data.get("D") is not None else np.zeros((m, r))
     K = read_array(data["K"], (n, m), "K", source) if data.get("K") is not None else None
-    S = data.get("innovation_covariance")
-    covariance = None if S is None else read_array(S, (m, m), "innovation_covariance", source)
+    covariance = read_covariance(data.get("innovation_covariance"), m, "innovation_covariance", source)
     x0 = np.zeros(n) if data.get("x0") is None else read_array(data["x0"], (n,), "x0", source)
     step = read_time_step(data, source, continuous=True)
     return StateSpace(A, B, C, D, K, x0, covariance, step, inputs, outputs, states)

@@ -24,7 +24,7 @@ from aeolid.models.exchange.files import read_state_space
 from aeolid.models.exchange.fmu import Fmu, open_fmu
 from aeolid.models.rate import at_rate_of
 from aeolid.models.state_space import StateSpace
-from aeolid.record import Record, Roles, check_keys, file_sha256, require_same_layout
+from aeolid.record import Record, Roles, check_keys, file_sha256, require_distinct, require_same_layout
 from aeolid.text_files import is_number, load_toml, shown
 
 CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of the machine: check, and its wording
@@ -144,6 +144,7 @@ def _recordings(
     roles = _roles(find(files["roles"], f"{source} [recordings] roles"), resample)
     records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
     require_same_layout(records)
+    require_distinct(records)
     return roles, records
 
 
@@ -188,6 +189,7 @@ def make_case(
     simulator's run had the recorded inputs; more_runs: further runs beside the baseline. Raises DataError.
     """
     require_same_layout(records)
+    require_distinct(records)
     facts, found = _context(dict(context or {}), "context"), tuple(records)
     _require_possible(facts, found, source)
     kind, more = "run", tuple(more_runs)
@@ -309,5 +311,7 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
                 raise Contradiction(
                     f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r}; convert one"
                 )
+            if what == "input" and role == "output":
+                raise DataError(f"{source}: input {signal.name!r} has the role 'output' in the roles file")
             if what == "output" and role != "output":
                 raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")
