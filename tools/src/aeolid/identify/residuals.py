@@ -84,20 +84,14 @@ def run_residual_tests(
     """
     innovations, u, lengths = _long_enough(innovations, u, lengths, lags + order)
     N = len(innovations)
-<<<<<<< HEAD
+    with np.errstate(all="ignore"):
+        grown = ~np.isfinite(np.nansum(innovations**2, axis=0) * N)
+    if grown.any():
+        return ResidualReport((), lags, LEVEL, tuple(name for name, g in zip(outputs, grown, strict=True) if g))
     white = np.column_stack([whiten(x, lengths=lengths) for x in u.T]) if u.shape[1] else np.zeros((N, 0))
     columns = [Spaced.of(x, lengths, lags) for x in (*innovations.T, *white.T)]
     e, v = columns[: len(outputs)], columns[len(outputs) :]
     sources = {name: x.own() for name, x in zip((*outputs, *inputs), columns, strict=True)}
-=======
-    with np.errstate(all="ignore"):
-        grown = ~np.isfinite(np.sum(innovations**2, axis=0) * N)
-    if grown.any():
-        return ResidualReport((), lags, LEVEL, tuple(name for name, g in zip(outputs, grown, strict=True) if g))
-    white = np.column_stack([whiten(u[:, j]) for j in range(u.shape[1])]) if u.shape[1] else np.zeros((N, 0))
-    columns = [*innovations.T, *white.T]
-    sources = {name: correlation(x, lags) for name, x in zip((*outputs, *inputs), columns, strict=True)}
->>>>>>> 264b01115a1afb33ce9a80480ff1a0941e735137
     found = []
     for i, output in enumerate(outputs):
         for j, other in enumerate(outputs):

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
 from collections.abc import Sequence
-=======
 from dataclasses import replace
->>>>>>> 264b01115a1afb33ce9a80480ff1a0941e735137
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,37 +84,22 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     """
     horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y = u[:horizon], y[:horizon]
-<<<<<<< HEAD
-    states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
     known: Flags = np.isfinite(y)
-    innovation = np.where(known, y, 0.0) - states @ model.C.T - u @ model.D.T  # (N, l)
+    with np.errstate(all="ignore"):  # an unstable predictor overflows: those samples are left out
+        states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
+        innovation = np.where(known, y, 0.0) - states @ model.C.T - u @ model.D.T  # (N, l)
     K, others = gain(model), gains_around_gaps(model, known)
     rows = np.empty((horizon, len(model.outputs), model.order))
     block, power = model.C * weight[:, None], np.eye(model.order)
-    for k in range(horizon):
-        rows[k] = block @ power
-        power = (model.A - others.get(k, K) @ model.C) @ power
-    with np.errstate(all="ignore"):
-        good = np.asarray(np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1))
-    used = known & good[:, None]
-    x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
-=======
-    with np.errstate(all="ignore"):  # an unstable predictor overflows: those samples are left out
-        states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
-        innovation = y - states @ model.C.T - u @ model.D.T  # (N, l)
-    transition = model.A - gain(model) @ model.C
-    rows = np.empty((horizon, len(model.outputs), model.order))
-    block = model.C * weight[:, None]
     with np.errstate(all="ignore"):
         for k in range(horizon):
-            rows[k] = block
-            block = block @ transition
-        good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
+            rows[k] = block @ power
+            power = (model.A - others.get(k, K) @ model.C) @ power
+        good = np.asarray(np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1))
     if not good.all() and model.K is not None:  # of an unstable predictor: the rows left say nothing of the start
         return estimate_initial_state(replace(model, K=None), u, y)
-    matrix = rows[good].reshape(-1, model.order)
-    x0 = lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)
->>>>>>> 264b01115a1afb33ce9a80480ff1a0941e735137
+    used = known & good[:, None]
+    x0 = lstsq(rows[used], (innovation * weight)[used], rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)
 
 
