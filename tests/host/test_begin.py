@@ -33,7 +33,8 @@ HEADINGS = {
         "LSSTipVxa": "rotor_speed", "YawBrTAxp": "tower_acc_fore_aft", "NcIMUTAys": "tower_acc_side_side",
         "RootMyb2": "flap_moment 2", "RootMxb1": "edge_moment 1", "RootMyc3": "flap_moment 3", "Wind1VelX": "wind",
         "TTDspFA": "tower_fore_aft", "GenPwr": "power", "RotThrust": "thrust", "RotTorq": "shaft_torque",
-        "TwrBsMyt": "tower_moment_fore_aft", "RtVAvgxh": "wind", "Wind1VelY": "", "YawPzn": "", "TipDxc1": "",
+        "TwrBsMyt": "tower_moment_fore_aft", "TTAccFA": "tower_acc_fore_aft", "TTAccSS": "tower_acc_side_side",
+        "LSShftTq": "shaft_torque", "RtVAvgxh": "wind", "Wind1VelY": "", "YawPzn": "", "TipDxc1": "",
         "PtfmPitch": "", "OoPDefl1": "",
     },
     "ROSCO": {
@@ -195,6 +196,7 @@ def test_nothing_that_exists_is_replaced(tmp_path: Path, capsys: pytest.CaptureF
     assert not (tmp_path / "elsewhere.toml").exists() and not (tmp_path / "other" / "roles.toml").exists()
 
 
+ROLE_READERS = ("identify", "modes", "scales")
 HOSTILE = ['a"b', "a\\", "]\nx = 1\n[", "\x1b[31mred", "'''", "\u202eevil", "role", "x" * 300, "#", "\x7f"]
 
 
@@ -213,9 +215,17 @@ def test_headings_that_are_code_stay_text(tmp_path: Path) -> None:
 def test_unknown_headings_are_left_to_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.csv").write_text("time_s,drive,position,note\n0,1,2,a\n0.1,2,2,b\n0.2,1,3,c\n")
     assert main(["init", str(tmp_path / "a.csv")]) == 0
-    assert "No input and no output was recognised" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "No input and no output was recognised" in out
+    assert "give at least one channel of" in out.partition("Next:")[2].partition("aeolid check")[0]
     content = tomllib.loads((tmp_path / "roles.toml").read_text())
     assert [c["role"] for c in content["channel"]] == ["ignore"] * 3
+    roles = str(tmp_path / "roles.toml")
+    for command in (["check", str(tmp_path)], *([n, str(tmp_path / "a.csv"), "--roles", roles] for n in ROLE_READERS)):
+        asked = [*command, "--out", str(tmp_path / "model.json")] if command[0] == "identify" else command
+        assert main(asked) == 3, command
+        told = capsys.readouterr().err
+        assert "roles.toml: every channel is ignored; give at least one the role output" in told, command
     write_table(tmp_path / "b.csv", {"time_s": np.arange(9) * 0.1, "x": np.arange(9.0), "y": np.arange(9.0)})
     with pytest.raises(DataError, match="no input or no output is recognised in both"):
         begin(tmp_path / "a.csv", tmp_path / "b.csv", tmp_path)
