@@ -131,7 +131,10 @@ def test_a_pair_of_files_becomes_a_case(pair: tuple[Path, Path], tmp_path: Path)
     assert len(record.names("output")) == 6
 
 
-def test_check_says_what_was_understood(pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_what_was_understood(
+    pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "width", 120)  # a terminal with room for the picture
     field, simulator = pair
     page = field.parent / "page.html"
     main(["init", str(field), "--baseline", str(simulator), "--force"])
@@ -165,6 +168,25 @@ def test_check_says_a_thing_once_and_draws_each_channel_on_one_line(
     assert caplog.text.count("counts s since 1970") == 1
     line = next(row for row in out.splitlines() if "tower_acc_fore_aft" in row)
     assert re.search("[▁-█]{10}", line) and not any(re.fullmatch("[ ▁-█]+", row) for row in out.splitlines())
+
+
+@pytest.mark.parametrize("width", [30, 60, 80, 100, 200])
+def test_check_cuts_no_number_and_no_unit(
+    width: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a narrow terminal the picture goes first, then cells take several lines."""
+    monkeypatch.setattr(console, "width", width)
+    head = "time_s,BldPitch1,GenSpeed,Nacelle fore-aft acceleration"
+    rows = [f"{0.1 * k:.1f},{np.sin(k):.4f},{1170 + np.cos(k):.3f},{np.sin(2 * k):.4f}" for k in range(99)]
+    (tmp_path / "turbine.csv").write_text("\n".join([head, *rows]) + "\n")
+    assert main(["init", str(tmp_path / "turbine.csv")]) == 0
+    capsys.readouterr()
+    assert main(["check", str(tmp_path)]) == 3
+    told = "".join(capsys.readouterr().out.split())
+    if width >= 80:
+        assert all(t in told for t in ("m/s^2", "0.9978", "0.9999", "1169", "1171"))
+    assert width < 200 or "▁" in told
+    assert "…" not in told
 
 
 def test_the_picture_of_a_case_may_lie_in_its_folder_and_be_drawn_again(

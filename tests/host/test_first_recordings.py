@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aeolid.diagnose.data.case import _context
 from aeolid.diagnose.data.folded import folded_of
 from aeolid.diagnose.data.forensics import examine
 from aeolid.errors import DataError
@@ -67,3 +68,9 @@ def test_a_recorded_disturbance_that_no_method_takes_is_said() -> None:
     notes = identify_records([record], Request(method="varx", past="10")).notes
     told = "wind_speed (role disturbance) is not used by varx; give it the role input, or --method ort"
     assert told in notes
+
+
+def test_a_mistyped_fact_of_the_machine_is_refused() -> None:
+    assert _context({"blades": 3, "gearbox_ratio": 97.0}, "case.toml") == {"blades": 3, "gearbox_ratio": 97.0}
+    with pytest.raises(DataError, match=r"case.toml \[context\]: unknown key 'blade'; allowed are blades"):
+        _context({"blade": 3}, "case.toml")
