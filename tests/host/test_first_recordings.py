@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aeolid import Record as Recording
+from aeolid import identify, validate
 from aeolid.diagnose.data.case import _context
 from aeolid.diagnose.data.folded import folded_of
 from aeolid.diagnose.data.forensics import examine
@@ -74,3 +76,11 @@ def test_a_mistyped_fact_of_the_machine_is_refused() -> None:
     assert _context({"blades": 3, "gearbox_ratio": 97.0}, "case.toml") == {"blades": 3, "gearbox_ratio": 97.0}
     with pytest.raises(DataError, match=r"case.toml \[context\]: unknown key 'blade'; allowed are blades"):
         _context({"blade": 3}, "case.toml")
+
+
+def test_no_horizon_is_longer_than_the_recording() -> None:
+    record = hawt.simulate_closed_loop(1500, 2, excitation=hawt.Excitation(noise=0.1))
+    whole = Recording.of_core(record)
+    short = Recording.of_core(record.slice(0, 19))
+    told = validate(identify(whole, past=10), short, steps=(5, 10, 50)).to_json()
+    assert "50" not in str(sorted(told["k_step"])) and "10" in str(sorted(told["k_step"]))

@@ -201,7 +201,7 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
 
     core = core_of(model)
     slow = at_rate_of(rate_of(core), as_record(record))
-    result = validate_model(core, slow, _horizons(steps))
+    result = validate_model(core, slow, tuple(k for k in _horizons(steps) if k < len(slow)))
     names, units = tuple(s.name for s in core.outputs), tuple(s.unit for s in core.outputs)
     residuals = matched(slow, core.outputs) - core.simulate(slow) if result.fit is None else result.fit.innovations
     return Validation(result, residuals, names, units, slow.sample_time_s)
