@@ -33,7 +33,8 @@ HEADINGS = {
         "LSSTipVxa": "rotor_speed", "YawBrTAxp": "tower_acc_fore_aft", "NcIMUTAys": "tower_acc_side_side",
         "RootMyb2": "flap_moment 2", "RootMxb1": "edge_moment 1", "RootMyc3": "flap_moment 3", "Wind1VelX": "wind",
         "TTDspFA": "tower_fore_aft", "GenPwr": "power", "RotThrust": "thrust", "RotTorq": "shaft_torque",
-        "TwrBsMyt": "tower_moment_fore_aft", "RtVAvgxh": "wind", "Wind1VelY": "", "YawPzn": "", "TipDxc1": "",
+        "TwrBsMyt": "tower_moment_fore_aft", "TTAccFA": "tower_acc_fore_aft", "TTAccSS": "tower_acc_side_side",
+        "LSShftTq": "shaft_torque", "RtVAvgxh": "wind", "Wind1VelY": "", "YawPzn": "", "TipDxc1": "",
         "PtfmPitch": "", "OoPDefl1": "",
     },
     "ROSCO": {
@@ -130,7 +131,10 @@ def test_a_pair_of_files_becomes_a_case(pair: tuple[Path, Path], tmp_path: Path)
     assert len(record.names("output")) == 6
 
 
-def test_check_says_what_was_understood(pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_what_was_understood(
+    pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "width", 120)  # a terminal with room for the picture
     field, simulator = pair
     page = field.parent / "page.html"
     main(["init", str(field), "--baseline", str(simulator), "--force"])
@@ -166,6 +170,25 @@ def test_check_says_a_thing_once_and_draws_each_channel_on_one_line(
     assert re.search("[▁-█]{10}", line) and not any(re.fullmatch("[ ▁-█]+", row) for row in out.splitlines())
 
 
+@pytest.mark.parametrize("width", [30, 60, 80, 100, 200])
+def test_check_cuts_no_number_and_no_unit(
+    width: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a narrow terminal the picture goes first, then cells take several lines."""
+    monkeypatch.setattr(console, "width", width)
+    head = "time_s,BldPitch1,GenSpeed,Nacelle fore-aft acceleration"
+    rows = [f"{0.1 * k:.1f},{np.sin(k):.4f},{1170 + np.cos(k):.3f},{np.sin(2 * k):.4f}" for k in range(99)]
+    (tmp_path / "turbine.csv").write_text("\n".join([head, *rows]) + "\n")
+    assert main(["init", str(tmp_path / "turbine.csv")]) == 0
+    capsys.readouterr()
+    assert main(["check", str(tmp_path)]) == 3
+    told = "".join(capsys.readouterr().out.split())
+    if width >= 80:
+        assert all(t in told for t in ("m/s^2", "0.9978", "0.9999", "1169", "1171"))
+    assert width < 200 or "▁" in told
+    assert "…" not in told
+
+
 def test_the_picture_of_a_case_may_lie_in_its_folder_and_be_drawn_again(
     pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -195,6 +218,7 @@ def test_nothing_that_exists_is_replaced(tmp_path: Path, capsys: pytest.CaptureF
     assert not (tmp_path / "elsewhere.toml").exists() and not (tmp_path / "other" / "roles.toml").exists()
 
 
+ROLE_READERS = ("identify", "modes", "scales")
 HOSTILE = ['a"b', "a\\", "]\nx = 1\n[", "\x1b[31mred", "'''", "\u202eevil", "role", "x" * 300, "#", "\x7f"]
 
 
@@ -213,9 +237,17 @@ def test_headings_that_are_code_stay_text(tmp_path: Path) -> None:
 def test_unknown_headings_are_left_to_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.csv").write_text("time_s,drive,position,note\n0,1,2,a\n0.1,2,2,b\n0.2,1,3,c\n")
     assert main(["init", str(tmp_path / "a.csv")]) == 0
-    assert "No input and no output was recognised" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "No input and no output was recognised" in out
+    assert "give at least one channel of" in out.partition("Next:")[2].partition("aeolid check")[0]
     content = tomllib.loads((tmp_path / "roles.toml").read_text())
     assert [c["role"] for c in content["channel"]] == ["ignore"] * 3
+    roles = str(tmp_path / "roles.toml")
+    for command in (["check", str(tmp_path)], *([n, str(tmp_path / "a.csv"), "--roles", roles] for n in ROLE_READERS)):
+        asked = [*command, "--out", str(tmp_path / "model.json")] if command[0] == "identify" else command
+        assert main(asked) == 3, command
+        told = capsys.readouterr().err
+        assert "roles.toml: every channel is ignored; give at least one the role output" in told, command
     write_table(tmp_path / "b.csv", {"time_s": np.arange(9) * 0.1, "x": np.arange(9.0), "y": np.arange(9.0)})
     with pytest.raises(DataError, match="no input or no output is recognised in both"):
         begin(tmp_path / "a.csv", tmp_path / "b.csv", tmp_path)

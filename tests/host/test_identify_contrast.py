@@ -90,7 +90,7 @@ def test_steps_stand_in_for_a_window_that_cannot_be_longer_only_where_their_end_
     taken, said = {"taken": True, "reason": None}, CONFIRMED.format(38)
     assert told(taken).extra["bands_hold"] is True and said in told(taken).notes
     doubtful = [told(None), told({"taken": False, "reason": None}), told(taken, short)]
-    doubtful += [told({"taken": False, "reason": "steps come to no end"}, WindowCheck(True, 38, 76, None, 0.5, ""))]
+    doubtful += [told({"taken": False, "reason": "steps do not converge"}, WindowCheck(True, 38, 76, None, 0.5, ""))]
     doubtful.append(with_choices_made(scarce, Choices(38, (), check=check)))
     for result in doubtful:
         assert result.extra["bands_hold"] is False and result.extra["bands_reason"]

@@ -36,7 +36,7 @@ def test_without_it_they_are_steady_sines_and_the_modes_are_not():
     tones = [m for m in result.modes if m.tone]
     assert [m.frequency_hz / 0.31 for m in tones] == pytest.approx([1, 3, 6], rel=1e-3)
     assert [m.frequency_hz for m in listed(result)] == pytest.approx(list(HERTZ), rel=0.02)
-    assert "steady sines whose damping may be none" in "\n".join(mode_lines(result.modes, STEP))
+    assert "poles whose damping cannot be told from zero" in "\n".join(mode_lines(result.modes, STEP))
     assert [m.to_json()["tone"] for m in result.modes] == [m.tone for m in result.modes]
 
 

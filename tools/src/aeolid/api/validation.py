@@ -204,7 +204,7 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
 
     core = core_of(model)
     slow = at_rate_of(rate_of(core), as_record(record))
-    result = validate_model(core, slow, _horizons(steps))
+    result = validate_model(core, slow, tuple(k for k in _horizons(steps) if k < len(slow)))
     names, units = tuple(s.name for s in core.outputs), tuple(s.unit for s in core.outputs)
     if result.fit is None:  # of the run that is scored
         residuals = matched(slow, core.outputs) - started(core, slow).simulate(slow)

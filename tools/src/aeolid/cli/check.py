@@ -14,10 +14,13 @@ from aeolid.output import declare
 from aeolid.wording import plain
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from aeolid.diagnose.data.case import Case
     from aeolid.record import Record
 
 _NUMBERS = ("missing", "least", "mean", "greatest")
+_WORDS = ("channel", "role")
 EXAMPLES = ("aeolid check my_case", "aeolid check my_case --picture my_case/check.html --json -")
 
 
@@ -86,37 +89,39 @@ def _run_of(held: Case | None) -> Record | None:
 
 
 def _show(files: list[tuple[str, Record]], held: Case | None, odd: tuple[str, ...]) -> None:
-    from rich.table import Table
-    from rich.text import Text
+    from rich.measure import Measurement
 
-    from aeolid.begin.understood import holes_of, rows_of
+    from aeolid.begin.understood import holes_of, rows_of, sparkline
 
     for kind, record in files:
         console.print(f"{kind} {extent(record)}, {holes_of(record).text()}", markup=False, soft_wrap=True)
-        table = Table(box=None, padding=(0, 1))
-        for heading, right in (
-            ("channel", False),
-            ("unit", False),
-            ("role", False),
-            ("between samples", False),
-            ("missing", True),
-            ("least", True),
-            ("mean", True),
-            ("greatest", True),
-            ("over time", False),
-        ):
-            told = heading == "between samples"  # words may be folded; names, numbers and the picture may not
-            justify: Any = "right" if right else "left"
-            table.add_column(heading, justify=justify, overflow="fold" if told else "crop", no_wrap=not told)
-        for r in rows_of(record):
-            cells = [*_cells(r), r.shape]
-            table.add_row(*(Text(c) for c in cells))
-        console.print(table)
+        rows = rows_of(record)
+        drawn = {w: [[*_cells(r), sparkline(record.column(r.name), w)] for r in rows] for w in (24, 16, 10)}
+        tables = [_table(drawn[w], True, ()) for w in drawn] + [_table(drawn[10], False, f) for f in ((), _WORDS)]
+        unbounded = console.options.update_width(10_000)  # else a measure is cut to the terminal's width
+        fitting = (t for t in tables if Measurement.get(console, unbounded, t).minimum <= console.width)
+        console.print(next(fitting, None) or _table(drawn[10], False, (*_WORDS, "unit", *_NUMBERS)))
     if held is not None:
         context = ", ".join(f"{k} = {v}" for k, v in held.context.items())
         console.print(f"baseline: {held.kind}, {held.baseline_file}; context: {context or 'none'}", markup=False)
     for text in odd:
         console.print(f"look at this: {text}", markup=False, soft_wrap=True)
+
+
+def _table(rows: list[list[str]], picture: bool, folded: tuple[str, ...]) -> Table:
+    """Return channels as a table; folded: columns whose cells may take several lines."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=(0, 1))
+    headings = ("channel", "unit", "role", "between samples", *_NUMBERS, "over time")[: 9 if picture else 8]
+    for heading in headings:
+        may = heading in folded or heading == "between samples"
+        justify: Any = "right" if heading in _NUMBERS else "left"
+        table.add_column(heading, justify=justify, overflow="fold", no_wrap=not may)
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row[: len(headings)]))
+    return table
 
 
 def _cells(row: Any) -> list[str]:

@@ -180,7 +180,7 @@ def extent(record: Record) -> str:
     rate = f"{1 / step:.4g} samples a second" if step < 1 else f"a sample every {step:.4g} s"
     began = f", from {record.begins}" if record.begins else ""
     lost = int(np.count_nonzero(np.isnan(record.values)))
-    gaps = f", {lost} cells missing" if lost else ""
+    gaps = f", {lost} cell{'' if lost == 1 else 's'} missing" if lost else ""
     return f"{record.source}: {count} samples, {rate}, {length}{began}{gaps}"
 
 

@@ -102,8 +102,10 @@ def _next(made: Beginning, recording: Path, baseline: Path | None, folder: Path)
         roles, model = shlex.quote(str(folder / "roles.toml")), shlex.quote(str(folder / "model.json"))
         file = shlex.quote(str(recording))
         alone = [f"aeolid modes {file} --roles {roles}"] if made.missing == ("input",) else []
-        lines = [f"aeolid check {place}{outside}", *alone, f"aeolid identify {file} --roles {roles} --out {model}"]
-        return lines
+        first = f"give at least one channel of {folder / 'roles.toml'} the role output, others input, with their units"
+        by_hand = [] if made.sides[0][1].used else [first]
+        identify = f"aeolid identify {file} --roles {roles} --out {model}"
+        return [*by_hand, *alone, identify, f"aeolid check {place}{outside}"]  # the case's model comes from identify
     native = " --allow-fmu" if baseline.suffix.lower() == ".fmu" else ""
     target = shlex.quote(str(folder / "diagnosis"))
     return [*lines, f"aeolid diagnose {place}{outside}{native} --out {target}"]

@@ -52,7 +52,7 @@ class Check:
         """Return it as a clause."""
         ahead = self._pair(self.fitted_ahead, self.declared_ahead)
         free = self._pair(self.fitted_free, self.declared_free)
-        return f"{self.output}: errs by {ahead} one row ahead, by {free} in a free run"
+        return f"{self.output}: error one sample ahead {ahead}, in a free run {free}"
 
     def _pair(self, fitted: float, declared: float) -> str:
         """Return an error with the fitted values, and with the declared ones in brackets."""
@@ -91,7 +91,7 @@ class Estimate:
             lines.append(f"  note: {name} differs between two parts of the data; its deviation is half of that")
         for one, other, correlation in self.alike[:3]:
             lines.append(f"  note: these data hardly tell {one} from {other} (correlation {correlation:.3f})")
-        lines.append(f"held against what a first fit did not have, {self.held_out}:")
+        lines.append(f"on data left out of a first fit, {self.held_out}:")
         lines += [f"  {c.text()}" for c in self.checks]
         return "\n".join([*lines, *(f"note: {f.channel}: {f.finding}" for f in self.findings)])
 

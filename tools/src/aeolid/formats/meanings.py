@@ -56,6 +56,8 @@ _EXACT = {
     "lssgagp": ("azimuth", False), "yawbrtaxp": ("tower_acc_fore_aft", False),
     "ncimutaxs": ("tower_acc_fore_aft", False),
     "faacc": ("tower_acc_fore_aft", False), "nacimufaacc": ("tower_acc_fore_aft", False),
+    "ttaccfa": ("tower_acc_fore_aft", False), "ttaccss": ("tower_acc_side_side", False),
+    "lsshfttq": ("shaft_torque", False), "lsshftmxa": ("shaft_torque", False),
     "yawbrtayp": ("tower_acc_side_side", False), "ncimutays": ("tower_acc_side_side", False),
     "ttdspfa": ("tower_fore_aft", False), "yawbrtdxp": ("tower_fore_aft", False), "ttdspss": ("tower_side_side", False),
     "yawbrtdyp": ("tower_side_side", False), "rootmyb": ("flap_moment", False), "rootmflp": ("flap_moment", False),

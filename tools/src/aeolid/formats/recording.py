@@ -40,6 +40,8 @@ def read_record(path: str | Path, roles: Roles) -> Record:
     """
     channels = tuple(c for c in roles.channels if c.role != "ignore")
     source = str(path)
+    if not channels:
+        raise DataError(f"{roles.source}: every channel is ignored; give at least one the role output")
     for channel in channels:
         fault = fault_of_name(channel.name, channel.unit)
         if fault:

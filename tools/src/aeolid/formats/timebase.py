@@ -82,9 +82,11 @@ def _require_near(source: str, step: float, declared: float) -> None:
     ratio = step / declared
     if ratio >= 1.5 or ratio <= 1 / 1.5:
         times, larger = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
+        minutes = abs(times / 60 - 1) < 0.01 and larger == "large"  # step * 60 is what was declared
+        hint = '; if it counts minutes, set time_unit = "min"' if minutes else ""
         raise DataError(
             f"{source}: the time column steps by {step:.6g} s, the roles file says sample_time_s = {declared:.6g}:"
-            f" {times:.4g} times too {larger}; correct sample_time_s or leave it out"
+            f" {times:.4g} times too {larger}; correct sample_time_s or leave it out{hint}"
         )
 
 

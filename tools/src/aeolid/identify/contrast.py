@@ -145,7 +145,7 @@ def contrast(
     if len(path) == 1 or found.root is None:
         return replace(met, failed="cannot be taken")
     if apart > APART and not met.ended:
-        return replace(met, failed="come to no end")
+        return replace(met, failed="do not converge")
     if apart > APART and not white:
         return replace(met, failed="leave innovations that are not white")
     done = kept(found)

@@ -58,10 +58,10 @@ def free_run_reason(model: StateSpace, fit: Fit, inputs: tuple[str, ...]) -> lis
     lines = []
     if expected:
         lines.append(
-            f"A free run explains little of {', '.join(expected)}: it hears {_both(inputs)} alone, and most of what"
-            " moves these outputs is wind and other forces that are no input. It errs by as much as the model's own"
+            f"A free run explains little of {', '.join(expected)}: it uses only {_both(inputs)}, and most of what moves"
+            " these outputs is none of the inputs (wind? a wrong role?). It errs by as much as the model's own"
             " disturbances, so the model is not wrong by this: judge it by one-step prediction, the deviations of its"
-            " modes and aeolid validate. A measured wind with the role disturbance would explain more."
+            " modes and aeolid validate. A measured wind as input, where there is one, would explain more."
         )
     if wrong:
         lines.append(

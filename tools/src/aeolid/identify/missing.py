@@ -94,7 +94,7 @@ def _settle(records: Sequence[Record], scaling: Scaling, bad: list[Flags], gaps:
     share = cells / sum(b.size for b in bad)
     note = (
         f"{cells} missing cells ({share:.1%}) were drawn from what the others say, {draws} times: "
-        f"the recordings tell {information:.0%} of what complete ones would"
+        f"{information:.0%} of the information of a complete recording is left"
     )
     return Completed(sets[0], tuple(sets[1:]), information, note, cells)
 

@@ -114,7 +114,8 @@ def mode_lines(modes: Sequence[Mode], sample_time_s: float = 0.0) -> list[str]:
         lines.append("  on multiples of the rotor's speed, more likely its harmonics than modes:")
         lines += [_line(m, width) for m in turning]
     if tones:
-        lines.append("  steady sines whose damping may be none, periodic forces such as harmonics rather than modes:")
+        lines.append("  poles whose damping cannot be told from zero: a lightly damped mode or a periodic force;")
+        lines.append("  record longer, or record the azimuth:")
         lines += [_line(m, width) for m in tones]
     if real:
         lines.append(f"  real poles: {'; '.join(_constant(m) for m in real)}")

@@ -72,8 +72,24 @@ def identify_records(
         run = partial(_run_method, request.method, records, common, own, streamed)
         result = with_choices_made(identify_soundly(run, seen, request.stable, request.allow_unstable), made)
         alone = () if records[0].names("input") else (NOTE,)
-        told = (*result.notes, *turned.notes, *alone, *_say_rival(request.method, records, result))
+        told = (
+            *result.notes,
+            *turned.notes,
+            *alone,
+            *_unused(request.method, records),
+            *_say_rival(request.method, records, result),
+        )
         return _with_spectra(replace(result, notes=told), records)
+
+
+def _unused(method: str, records: Sequence[Record]) -> tuple[str, ...]:
+    """Say which recorded disturbances a method leaves aside: ort alone has a use for them."""
+    left = records[0].names("disturbance") if method != "ort" else ()
+    if not left:
+        return ()
+    them, is_ = ("it", "is") if len(left) == 1 else ("them", "are")
+    told = f"{', '.join(left)} (role disturbance) {is_} not used by {method}"
+    return (f"{told}; give {them} the role input, or --method ort",)
 
 
 def _with_spectra(result: Result, records: Sequence[Record]) -> Result:

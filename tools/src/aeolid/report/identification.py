@@ -137,7 +137,8 @@ def _modes(facts: Facts) -> Html:
         words = "On multiples of the rotor's speed, more likely its harmonics than modes:"
         parts += [tag("p", words), mode_table(apart, bool(true))]
     if tones:
-        words = "Steady sines whose damping may be none, periodic forces such as harmonics rather than modes:"
+        words = "Poles whose damping cannot be told from zero: a lightly damped mode or a periodic force;"
+        words += " record longer, or record the azimuth:"
         parts += [tag("p", words), mode_table(tones, bool(true))]
     return section("Modes", *parts, *(tag("p", note, class_="soft") for note in notes))
 

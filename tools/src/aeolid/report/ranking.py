@@ -74,8 +74,8 @@ def ranking(candidates: Sequence[Facts], found: Named) -> Html:
     caption = (
         "What each explanation gains when it is fitted, against the model as it was, less what its parameters"
         " cost. 3 nats are odds of 20 to 1, 7 nats of 1000 to 1; explanations nearer to each other than 3 nats are not"
-        " told apart. Blue: what is named above; not accepted: its values are none that a machine has, or it failed a"
-        " check, which the table says."
+        " told apart. Blue: what is named above; not accepted: its values are not plausible for a machine, or it failed"
+        " a check, which the table says."
     )
     rest = f" Shown: the first {len(shown)} of {len(ranked)}." if len(shown) < len(ranked) else ""
     return section("What decided", figure(drawing.svg, caption + rest), _table(ranked))

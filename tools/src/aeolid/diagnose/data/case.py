@@ -31,6 +31,7 @@ CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of th
     "machine": (lambda v: isinstance(v, str), "a text"),
     "blades": (lambda v: isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= 9, "a whole number of 1 … 9"),
     "rated_speed_rad_s": (lambda v: is_number(v) and 0 < v < 1e6, "a speed in rad/s above 0"),
+    "gearbox_ratio": (lambda v: is_number(v) and 0 < v < 1e6, "a ratio of speeds above 0"),
     "offshore": (lambda v: isinstance(v, bool), "true or false"),
     "closed_loop": (lambda v: isinstance(v, bool), "true or false"),
 }
@@ -272,18 +273,15 @@ def _baseline(table: Any, source: str) -> tuple[str, list[str]]:
 
 
 def _context(table: Any, source: str) -> dict[str, Any]:
-    """Check the facts about the machine: those known by their type and range, any other as a text, number or truth."""
+    """Check the facts about the machine: each by its type and range; a key that nobody reads is refused."""
     if not isinstance(table, dict):
         raise DataError(f"{source}: [context] is not a table")
+    check_keys(table, set(CONTEXT), f"{source} [context]")
     for key, value in table.items():
-        fits, wanted = CONTEXT.get(key, (_is_plain, "a text, a number, true or false"))
+        fits, wanted = CONTEXT[key]
         if not fits(value):
             raise DataError(f"{source} [context]: {shown(key)[1:-1]} = {shown(value)} is not {wanted}")
     return table
-
-
-def _is_plain(value: Any) -> bool:
-    return isinstance(value, str | bool) or is_number(value)
 
 
 def _check_unit(unit: Fmu, record: Record) -> None:

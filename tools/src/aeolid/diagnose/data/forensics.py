@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import poisson
 
+from aeolid.diagnose.data.folded import folded_of
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.data.standing import Baseline, stretches_of, words
 from aeolid.diagnose.data.strays import codes_of, dropouts_of, strays_of
@@ -119,9 +120,10 @@ def _channel(channel: Channel, values: Array, source: str, alone: bool) -> list[
             return found
         return [*found, Finding("constant", where, "never changes", "fault" if channel.role == "output" else "warning")]
     if channel.role == "output":
-        found += _rails(v, where)
+        usual = v[~(codes_of(v) | strays_of(v) | dropouts_of(v))]  # one wild value would stretch the range
+        found += _rails(usual, where) if len(usual) else []
         found += _held(v, where)
-        folded = _folded(v)
+        folded = folded_of(usual) if len(usual) else None
         if folded:
             found.append(Finding("folded", where, folded, "warning"))
     found += _unlikely(v, where, channel.role == "output") + _unit(channel, v, where)
@@ -143,7 +145,10 @@ def _rails(v: Array, where: str) -> list[Finding]:
     words = {"high": "highest", "low": "lowest"}
     for side, rail in rails(v).items():
         share = float(np.mean(np.abs(v - rail) <= rules.pile_width * np.ptp(v)))
+        end = float(v.min() if side == "low" else v.max())
         text = f"{share:.1%} of the samples sit at the {words[side]} value {rail:.4g}"
+        if rail != end:  # a pile that noise has blurred
+            text = f"{share:.1%} of the samples sit about {rail:.4g}, near the {words[side]} value {end:.4g}"
         found.append(Finding("rail", where, text, "warning"))
     return found
 
@@ -313,20 +318,6 @@ def _crossed(alike: Array, i: int, j: int) -> bool:
 def _swap(names: Sequence[str], i: int, j: int, source: str) -> Finding:
     text = f"looks like {names[j]}, and {names[j]} like {names[i]}: the two channels are swapped"
     return Finding(SWAPPED, f"{names[i]} ({source})", text, "fault")
-
-
-def _folded(v: Array) -> str | None:
-    """Recognise an absolute value: nothing below zero, yet zero is touched again and again with a sharp turn."""
-    rules = in_force().data
-    low, spread = float(v.min()), float(np.ptp(v))
-    if low < -rules.folded_below * spread or low > rules.folded_above * spread:
-        return None
-    near = v < rules.folded_near * spread
-    visits = int(np.sum(np.diff(near.astype(int)) == 1))
-    inside = float(np.mean(near))
-    if visits >= rules.folded_visits and inside < rules.folded_inside:
-        return f"never negative, yet reaches zero {visits} times: an absolute value or one-sided sensor would do that"
-    return None
 
 
 def grid_of(v: Array) -> float | None:
