@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -201,8 +200,9 @@ def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
 def test_recordings_that_start_anew_have_no_common_time(tmp_path: Path) -> None:
     """Of two recordings only what does not depend on the time is asked."""
     folder = swinging(tmp_path, shake=0.05)
-    shutil.copy(folder / "recording.csv", folder / "second.csv")
-    shutil.copy(folder / "recording.csv", folder / "third.csv")
+    lines = (folder / "recording.csv").read_text().splitlines(keepends=True)
+    for shorter, name in enumerate(("second.csv", "third.csv"), 1):  # the same samples twice would be refused
+        (folder / name).write_text("".join(lines[:-shorter]))
     case = (folder / "case.toml").read_text()
     files = '["recording.csv", "second.csv", "third.csv"]'
     (folder / "case.toml").write_text(case.replace('["recording.csv"]', files))
@@ -251,7 +251,7 @@ def test_a_named_effect_keeps_its_name_and_a_wrong_value_must_be_outdone(monkeyp
 
 def test_a_form_stands_against_what_the_sealed_data_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A damping that drifted beside a wrong stiffness, which the sealed data did not bear out, kept a form away."""
-    one, two = (SimpleNamespace(attachments=[name]) for name in ("drift", "value"))
+    one, two, rival = (SimpleNamespace(attachments=[name], key=name) for name in ("drift", "value", "rival"))
     seen: list[list[Any]] = []
     stage: Any = SimpleNamespace(deadline=unlimited())
     chain: Any = [one, two]
@@ -266,4 +266,6 @@ def test_a_form_stands_against_what_the_sealed_data_left(monkeypatch: pytest.Mon
         pipeline._proven(stage, stage, [], chain, 1)
     monkeypatch.setattr(pipeline, "hold_leader", lambda *_: Held())
     pipeline._proven(stage, stage, [], [], 1)
-    assert seen == [[one], [two], []]
+    monkeypatch.setattr(pipeline, "hold_leader", lambda *_: Held(sets=(rival,)))  # which took the leader's place
+    pipeline._proven(stage, stage, [rival], chain, 1)
+    assert seen == [[one], [two], [], [rival]]

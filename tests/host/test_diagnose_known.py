@@ -98,7 +98,8 @@ def test_the_tanks_run_over(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
     assert d["verdict"] in ("named", "multiple") and {e["id"] for e in d["effects"]} == {"overflow"}
     first = d["effects"][0]
     brim = first["parameters"]["brim_level"]
-    assert first["location"]["entry"] == "state:h1" and abs(brim["value"] - 10.0) < 2 * brim["std"]
+    assert first["location"]["entry"] == "state:h1"
+    assert brim["std"] is None or abs(brim["value"] - 10.0) < 2 * brim["std"]  # None: the data leave it open
     assert d["sealed"]["interval"][0] > 0
     assert "share_into_next open" in first["statement"]  # its level is nobody's: any scale will do
     assert [e["location"]["entry"] for e in d["effects"]] == ["state:h1", "state:h2"]

@@ -105,3 +105,19 @@ def test_the_grammar_of_numbers_is_that_of_the_fast_reader(cell: str, decimal: s
     except pa.ArrowInvalid:
         read = False
     assert _arrow_reads(cell.strip(" \t"), decimal) == read
+
+
+def test_arrow_reads_a_plain_file_without_calling_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its thread reads ahead when a bad cell has ended the work already; a call into Python then aborts the process."""
+    given_to_arrow = []
+
+    def remember(source: object, *options: object) -> object:
+        given_to_arrow.append(source)
+        return opened(source, *options)
+
+    opened = csv.open_csv
+    monkeypatch.setattr(csv, "open_csv", remember)
+    with pytest.raises(DataError):
+        read(tmp_path, "time_s,u,y\n0,1,2\n0.1,x,2\n0.2,1,2\n")
+    assert isinstance(given_to_arrow[0], pa.NativeFile)
+    assert not isinstance(given_to_arrow[0], pa.PythonFile)

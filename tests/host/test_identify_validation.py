@@ -95,6 +95,18 @@ def test_advice_tells_a_wrong_gain_from_missing_dynamics():
     assert moved.residuals.verdict == "fail" and any("Past u" in a for a in moved.advice)
 
 
+def test_advice_for_another_plant_does_not_blame_the_gain():
+    """A model with the wrong sign predicts worse than the mean, with and without its K: K is not what is wrong."""
+    model = fourth_order()
+    other = validate_model(LinearModel(replace(model, B=-3 * model.B)), simulate_fourth_order(4000, 7))
+    assert len(other.advice) == 1
+    assert "the plant is not this model" in other.advice[0]
+    assert "gain K" not in other.advice[0]
+    growing = validate_model(LinearModel(replace(model, K=1e4 * np.abs(model.K))), simulate_fourth_order(400, 7))
+    assert len(growing.advice) == 1
+    assert "A - K C has an eigenvalue outside the unit circle" in growing.advice[0]
+
+
 def test_rounding_is_no_finding():
     """Exact data, as they are and with seven digits: what is left is not white, and of no consequence."""
     clean, fresh = (simulate_fourth_order(2000, seed, noise_variance=0.0) for seed in (0, 1))

@@ -98,7 +98,7 @@ def test_an_unstable_predictor_is_told_and_leaves_the_free_run(tmp_path: Path) -
     assert json.loads(json.dumps(found.to_json(), allow_nan=False))["residuals"]["diverging"] == ["y", "z"]
 
 
-@pytest.mark.parametrize("grown", [np.inf, np.nan, 1e200])
+@pytest.mark.parametrize("grown", [np.inf, 1e200])  # what is not a number was not measured
 def test_innovations_beyond_the_numbers_are_not_tested(grown: float) -> None:
     e = np.random.default_rng(1).standard_normal((500, 2))
     e[400:, 1] = grown

@@ -17,7 +17,7 @@ from aeolid.formats.bounds import MOST_LINE, guard_names, guard_size
 from aeolid.formats.clock import date_hint, looks_like_date, seconds_of_dates
 from aeolid.formats.headings import bare_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, is_number_text, positions, text_error
-from aeolid.formats.unpacking import GZIP, bounded_lines, open_text
+from aeolid.formats.unpacking import GZIP, bounded_lines, lies_as_it_is, open_text
 from aeolid.inputs import open_regular
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "#N/A", "-nan")
@@ -221,7 +221,8 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> tuple[
     )
     parts: dict[str, list[Any]] = {key: [] for key in keys}
     rows = 0
-    with open_text(path) as handle:
+    # Arrow reads ahead on a thread of its own, which ends the process with a signal where it calls Python at the end
+    with pa.OSFile(str(path)) if lies_as_it_is(path) else open_text(path) as handle:
         parse = arrow_csv.ParseOptions(delimiter=layout.delimiter)
         for batch in arrow_csv.open_csv(handle, read, parse, convert):
             rows += batch.num_rows

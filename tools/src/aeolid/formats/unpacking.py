@@ -31,6 +31,12 @@ def open_text(path: Path) -> BinaryIO:
     return cast(BinaryIO, io.BufferedReader(_Unpacked(path, handle), 1 << 16))
 
 
+def lies_as_it_is(path: Path) -> bool:
+    """Tell whether a text file is neither packed nor under way, so that its bytes are those on the disk."""
+    with open_regular(path) as handle:
+        return not path.name.endswith(PART_SUFFIX) and handle.peek(2)[:2] != GZIP  # type: ignore[attr-defined]
+
+
 def bounded_lines(path: Path, handle: BinaryIO) -> Iterator[bytes]:
     """Yield lines with their ends; raises DataError at one longer than MOST_LINE."""
     number = 0

@@ -131,7 +131,8 @@ def choose_past(
     reason += f"the shortest whose held-out one-step error is within {within}"
     if past > first:
         reason = (
-            f"past window {past} samples ({past * step:.4g} s): the held-out error would do with {first}, poles not"
+            f"past window {past} samples ({past * step:.4g} s): {first} would be enough for prediction, but the poles "
+            f"need {past}"
         )
     if check.holds is None or past == ladder.longest:
         reason += f"; {ladder.longest} is the most that the data allow"

@@ -55,19 +55,36 @@ class Validation:
         facts["divergence"] = None if self.divergence is None else self.divergence.to_json()
         return facts | {"advice": list(self.advice)}
 
+    def _of_another_plant(self) -> tuple[str, ...]:
+        """Return what to check where predictions and free run are both worse than the mean, or predictions diverge."""
+        assert self.residuals is not None and self.fit is not None
+        if self.residuals.diverging:
+            return (
+                f"One-step prediction of {', '.join(self.residuals.diverging)} diverges: A - K C has an eigenvalue "
+                "outside the unit circle. The free run does not use K; identify again, or remove K from the model.",
+            )
+        one, free = self.fit.one_step.nrmse, self.free_run.nrmse
+        lost = [name for name, error in one.items() if self.driven and error > 1.0 and not free[name] < 1.0]
+        if not lost:
+            return ()
+        return (
+            f"The model predicts {', '.join(lost)} worse than the mean does: the plant is not this model. Check units, "
+            "signs and the operating point, or let aeolid diagnose say what differs.",
+        )
+
     @property
     def advice(self) -> tuple[str, ...]:
         """Return what failed residual tests mean and what to do, a sentence or two for each kind."""
         if self.residuals is None or self.fit is None:
             return ()
-        found = []
-        failed = [t for t in self.residuals.tests if t.verdict == "fail"]
+        found = [*self._of_another_plant()]
+        failed = [t for t in self.residuals.tests if t.verdict == "fail" and not found]
         noise = _worst([t for t in failed if t.kind == "whiteness"])
         if noise is not None:
             one, free = self.fit.one_step.nrmse[noise.output], self.free_run.nrmse[noise.output]
             found.append(
                 f"The gain K does not fit the noise of {noise.output}: {noise.predictable:.1%} of its innovations "
-                "follow from past outputs. Poles and free run do not hang on K, predictions and their deviations do. "
+                "follow from past outputs. K affects predictions and their deviations, not poles or free run. "
                 "Identify with a longer past window or a higher order; if the noise has changed since, identify from "
                 "this recording too."
                 + (" A free run predicts better here than K does." if one > free and self.driven else "")
