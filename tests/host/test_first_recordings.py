@@ -74,7 +74,9 @@ def test_a_recorded_disturbance_that_no_method_takes_is_said() -> None:
 
 def test_a_mistyped_fact_of_the_machine_is_refused() -> None:
     assert _context({"blades": 3, "gearbox_ratio": 97.0}, "case.toml") == {"blades": 3, "gearbox_ratio": 97.0}
-    with pytest.raises(DataError, match=r"case.toml \[context\]: unknown key 'blade'; allowed are blades"):
+    with pytest.raises(
+        DataError, match=r"case.toml \[context\]: unknown key 'blade'; did you mean 'blades'\? allowed are blades"
+    ):
         _context({"blade": 3}, "case.toml")
 
 

@@ -46,7 +46,7 @@ def test_names_and_units_are_checked(unit: Path, tmp_path: Path) -> None:
         opened.require(["force"], "input", {})
     with pytest.raises(DataError, match="'position' is output, no input of the unit"):
         opened.require(["position"], "input", {})
-    with pytest.raises(Contradiction, match="drive is in 'm', the roles file says 'V'; convert one"):
+    with pytest.raises(Contradiction, match="drive is in 'm', the roles file says 'V'; convert the column"):
         open_fmu(build_fmu(tmp_path, "m")).require(["drive"], "input", {"drive": "V"})
 
 

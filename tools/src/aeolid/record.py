@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from aeolid.display import has_unseen, token
 from aeolid.errors import DataError, UsageError
+from aeolid.file_kinds import called, check_tables
 from aeolid.geometry import (
     Geometry,
     Point,
@@ -25,9 +26,9 @@ from aeolid.geometry import (
     read_frame,
     read_placement,
 )
-from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
+from aeolid.text_files import MOST_LETTERS, is_number, is_short, parse_toml, read_text, shown
 from aeolid.text_files import check_keys as check_keys  # part of this module's face, too
-from aeolid.units import rightly
+from aeolid.units import PAGE, rightly
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
@@ -108,9 +109,9 @@ class Roles:
 
         Raises DataError on a missing file, bad TOML, an unknown key, role or duplicate name.
         """
-        data = load_toml(path)
         source = str(path)
-        check_keys(data, {"recording", "channel", "point", "line"}, source)
+        data = _tables(source)
+        check_tables(data, "roles", source)
         head = data.get("recording", {})
         check_keys(head, {"sample_time_s", "time", "time_unit", "resample"}, f"{source} [recording]")
         sample_time = head.get("sample_time_s")
@@ -266,6 +267,20 @@ def _order_difference(first: Record, other: Record, ordered: bool) -> str:
     return ""
 
 
+def _tables(source: str) -> dict[str, Any]:
+    """Return the content of a roles file; one that is no TOML at all is told what is needed."""
+    text = read_text(source)
+    try:
+        return parse_toml(text, source)
+    except DataError as error:
+        if source.endswith(".toml"):
+            raise
+        raise DataError(
+            f"{source}: {called(Path(source)) or 'a file'}, where a roles file is needed; give the TOML file with"
+            " [[channel]] tables; aeolid init RECORDING writes one"
+        ) from error
+
+
 def _read_channel(entry: Any, index: int, source: str) -> Channel:
     where = f"{source} [[channel]] {index + 1}"
     check_keys(entry, _CHANNEL_KEYS, where)
@@ -279,7 +294,7 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
     right = rightly(entry["unit"])
     if right is not None:
         raise DataError(
-            f"{where}: the unit {entry['unit']!r} of {entry['name']!r} is written {right!r} here; correct it"
+            f"{where}: the unit {entry['unit']!r} of {entry['name']!r} is written {right!r} here; correct it ({PAGE})"
         )
     if entry["role"] not in ROLES:
         raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")

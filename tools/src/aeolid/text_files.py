@@ -18,6 +18,7 @@ from typing import Any, TypeGuard
 
 from aeolid.errors import DataError
 from aeolid.inputs import read_bounded
+from aeolid.wording import did_you_mean
 
 MOST_TOML = 1 << 20  # bytes: roles of 10,000 channels; the equations of a surrogate with 40 states take a tenth
 MOST_JSON = 16 << 20  # bytes: a model with 800 states, all matrices full
@@ -63,7 +64,8 @@ def check_keys(table: Any, allowed: set[str], where: str) -> None:
         raise DataError(f"{where}: a table is needed here, found {type(table).__name__}")
     unknown = sorted(set(table) - allowed)
     if unknown:
-        raise DataError(f"{where}: unknown key {shown(unknown[0])}; allowed are {', '.join(sorted(allowed))}")
+        hint = did_you_mean(unknown[0], sorted(allowed)) or ";"
+        raise DataError(f"{where}: unknown key {shown(unknown[0])}{hint} allowed are {', '.join(sorted(allowed))}")
 
 
 def read_text(path: str | Path, most: int = MOST_TOML) -> str:

@@ -6,6 +6,7 @@ one, since half of the code would take it for that unit and the other half for n
 
 from __future__ import annotations
 
+PAGE = "docs/reference/files.md, Units"  # where units and their conversion are described
 _WORDS = {
     "deg": ("degree", "degrees", "degs"),
     "rad": ("radian", "radians", "rads"),
@@ -65,6 +66,23 @@ def factor(given: str, wanted: str) -> float | None:
         return 1.0
     sizes = next((s for s in _SIZES if given in s and wanted in s), None)
     return None if sizes is None else sizes[given] / sizes[wanted]
+
+
+def conversion(found: str, wanted: str) -> str:
+    """Return what is to be done to numbers in one unit so that they are in another, as a part of a message.
+
+    >>> conversion("rad", "deg")
+    'multiply the column by 57.2958 (docs/reference/files.md, Units)'
+    >>> conversion("furlong", "m")
+    'convert the column (docs/reference/files.md, Units)'
+    """
+    size = factor(found, wanted)
+    return f"{'convert the column' if size is None else f'multiply the column by {size:.6g}'} ({PAGE})"
+
+
+def known_units() -> tuple[str, ...]:
+    """Return every unit that is known: of those of one quantity the sizes, of others the right spelling."""
+    return tuple(dict.fromkeys([*(unit for sizes in _SIZES for unit in sizes), *_WORDS]))
 
 
 def alike(unit: str) -> tuple[str, ...]:

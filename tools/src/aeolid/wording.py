@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
+from collections.abc import Iterable
+from itertools import islice
+
+from aeolid.display import token
 
 _KINDS = {"input": "at the input", "output": "at the sensor of", "state": "in the equation of", "shaft": "in the shaft"}
 _NAMED = {"motion": "in the motion", "parameter": "in the value of"}
@@ -12,7 +17,33 @@ _WRITTEN = re.compile(r"(?:\b(?:at|in|of) )?\b(input|output|state|mode|motion|sh
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER = re.compile(r"(?<![\w.])-?\d(?:\.\d+)?e([+-]\d+)\b")
 _WRITTEN_OUT = 9  # powers of ten from which a number is not written out
+_COMPARED = 100  # characters of a name that is compared with others
+_LIKE = 0.6  # share of letters in the same order from which two names are alike (difflib's own)
 _LARGEST = 12  # powers of ten of odds that are written out; beyond, nobody tells one from the next
+
+
+def nearest(wanted: str, names: Iterable[str]) -> str | None:
+    """Return the name most like the wanted one, None where none is like it.
+
+    Names of more than 100 characters, and those behind the first 5000, are not compared.
+
+    >>> nearest("kk", ["M", "k"]), nearest("pitch", ["torque"])
+    ('k', None)
+    """
+    if len(wanted) > _COMPARED:
+        return None
+    folded = {n.lower(): n for n in reversed(list(islice(names, 50 * _COMPARED))) if len(n) <= _COMPARED}
+    return next((folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=_LIKE)), None)
+
+
+def did_you_mean(wanted: str, names: Iterable[str]) -> str:
+    """Return the end of a message that asks for the nearest name, empty where none is like the wanted one.
+
+    >>> did_you_mean("kk", ["M", "k"]), did_you_mean("pitch", ["torque"])
+    ("; did you mean 'k'?", '')
+    """
+    near = nearest(wanted, names)
+    return "" if near is None else f"; did you mean {token(near)!r}?"
 
 
 def place(entry: str) -> str:

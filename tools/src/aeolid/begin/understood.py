@@ -24,6 +24,8 @@ _LEVELS: dict[str, dict[str, tuple[float, float]]] = {  # kind, unit: sizes that
     "wind": {"m/s": (0.5, 60.0)},
 }
 _APART = 20.0  # times, from which the levels of a channel in recording and run are doubted
+_LIKE = 3.0  # times, up to which the levels of two channels are alike
+_FEW = 100  # samples, below which a recording is doubted: a window and a few modes have as many unknowns
 _STEADY = 2.0  # deviations that a mean must be from zero to be called a level
 
 
@@ -114,8 +116,14 @@ def doubts(records: Sequence[Record], run: Record | None, context: Mapping[str, 
     """Say what looks odd, a sentence each; none of it is refused."""
     found = []
     for record in records:
-        for row in rows_of(record):
-            found += [f"{record.source}: {text}" for text in _odd(row)]
+        if len(record) < _FEW:
+            found.append(
+                f"{record.source}: {len(record)} samples are few for a model or a diagnosis, which take hundreds, over"
+                " several periods of the slowest motion; was the recording cut off, or the sample time read wrong?"
+            )
+        rows = rows_of(record)
+        for row in rows:
+            found += [f"{record.source}: {text}" for text in _odd(row, rows)]
     if run is not None:
         found += _levels(records[0], run)
     if context.get("machine") == "wind turbine" and "rated_speed_rad_s" not in context:
@@ -123,24 +131,40 @@ def doubts(records: Sequence[Record], run: Record | None, context: Mapping[str, 
     return tuple(found)
 
 
-def _odd(row: Row) -> list[str]:
+def _odd(row: Row, rows: Sequence[Row]) -> list[str]:
+    """Return what is odd about a channel, the others of its recording beside it."""
     found = []
     if row.low == row.high and row.role != "excitation":
-        found.append(f"{row.name} never changes")
+        why = "; what an input does that rests is not to be seen: move it, or give it the role ignore"
+        found.append(f"{row.name} never changes{why if row.role == 'input' else ''}")
+    if not _usual(row, row):
+        likely = [r.name for r in rows if r is not row and _usual_of(r) and _usual(row, r) and _usual(r, row)]
+        exchanged = f", or is it exchanged with {likely[0]}" if len(likely) == 1 else ""
+        found.append(
+            f"{row.name} from {row.low:.4g} to {row.high:.4g} {row.unit} is unusual; is the unit right{exchanged}?"
+        )
+    return found
+
+
+def _usual_of(row: Row) -> tuple[float, float] | None:
+    """Return the sizes that are usual of what a channel is called, in its unit."""
     meaning = meaning_of(row.name)
-    usual = _LEVELS.get("" if meaning is None else meaning.kind, {}).get(row.unit)
+    return _LEVELS.get("" if meaning is None else meaning.kind, {}).get(row.unit)
+
+
+def _usual(row: Row, place: Row) -> bool:
+    """Tell whether the values of a channel would be usual of another, in that one's unit."""
+    usual = _usual_of(place)
     size = max(abs(row.low), abs(row.high))
     level = abs(row.mean) if row.low * row.high > 0 else None
-    if usual and (size > usual[1] or (level is not None and level < usual[0])):
-        found.append(f"{row.name} from {row.low:.4g} to {row.high:.4g} {row.unit} is unusual; is the unit right?")
-    return found
+    return not usual or not (size > usual[1] or (level is not None and level < usual[0]))
 
 
 def _levels(record: Record, run: Record) -> list[str]:
     """Compare the levels of the channels that both have."""
     found = []
-    there = {r.name: r for r in rows_of(run)}
-    for row in rows_of(record):
+    there, here = {r.name: r for r in rows_of(run)}, rows_of(record)
+    for row in here:
         other = there.get(row.name)
         if other is None or row.role == "azimuth":
             continue
@@ -148,9 +172,24 @@ def _levels(record: Record, run: Record) -> list[str]:
         if a and b and not 1 / _APART < a / b < _APART:
             found.append(
                 f"{row.name} is {a:.4g} {row.unit} in {record.source} and {b:.4g} {other.unit} in {run.source}:"
-                " is a unit wrong?"
+                f" is a unit wrong{_exchanged(row, [r for r in here if r.name in there], record, run)}?"
             )
     return found
+
+
+def _exchanged(row: Row, shared: Sequence[Row], record: Record, run: Record) -> str:
+    """Ask whether a channel is exchanged with the only one of its unit whose level in the run is its own."""
+    likely = [
+        other.name for other in shared
+        if other.name != row.name and other.unit == row.unit
+        and _alike(_level(record, row.name), _level(run, other.name))
+        and _alike(_level(record, other.name), _level(run, row.name))
+    ]  # fmt: skip
+    return f", or is it exchanged with {likely[0]}" if len(likely) == 1 else ""
+
+
+def _alike(a: float | None, b: float | None) -> bool:
+    return bool(a and b and 1 / _LIKE < a / b < _LIKE)
 
 
 def _level(record: Record, name: str) -> float | None:

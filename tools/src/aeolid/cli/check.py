@@ -10,6 +10,7 @@ import typer
 
 from aeolid.cli.common import ForceOption, JsonOption, ResampleOption, console, emit_json, extent, read_resample
 from aeolid.errors import DataError
+from aeolid.file_kinds import require_case
 from aeolid.output import declare
 from aeolid.wording import plain
 
@@ -48,8 +49,7 @@ def run(
     """
     from aeolid.begin.understood import doubts
 
-    if not (case / "case.toml").is_file():
-        raise DataError(f"{case / 'case.toml'}: no such file; aeolid init RECORDING writes one")
+    require_case(case)
     declare("check", force=force, inputs=[case], files={"--picture": picture, "--json": json_target})
     records, held, fault = _loaded(case, allow_outside, allow_fmu, read_resample(resample))
     run_record = _run_of(held)

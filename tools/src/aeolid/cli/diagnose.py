@@ -18,7 +18,7 @@ from aeolid.cli.common import (
     progress_console,
     read_resample,
 )
-from aeolid.cli.diagnose_piece import FILES, Asked, asked_rules, require_case
+from aeolid.cli.diagnose_piece import FILES, Asked, asked_rules
 from aeolid.cli.durations import seconds_of
 from aeolid.cli.pools import (
     InsecureOption,
@@ -29,6 +29,7 @@ from aeolid.cli.pools import (
     Where,
     WorkersOption,
 )
+from aeolid.file_kinds import require_case
 from aeolid.output import declare, discard, make_folder
 
 EXAMPLES = (

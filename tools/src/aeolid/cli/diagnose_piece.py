@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aeolid.errors import AeolidError, Contradiction, DataError
+from aeolid.errors import AeolidError, Contradiction
+from aeolid.file_kinds import require_case
 
 MARGINS = "margins.json"
 FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html", MARGINS)
@@ -49,15 +50,6 @@ def asked_rules(asked: Asked, folder: Path) -> Iterator[None]:
 
 def _silent(text: str, share: float) -> None:
     """Take what a screen would show."""
-
-
-def require_case(case: Path) -> None:
-    """Raise DataError where a folder holds no case."""
-    if not (case / "case.toml").is_file():
-        raise DataError(
-            f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
-            " model: aeolid init RECORDING writes one, aeolid example . two"
-        )
 
 
 def diagnose_piece(piece: tuple[str, str], asked: Asked, out: str, inside: Sequence[str], force: bool) -> Any:

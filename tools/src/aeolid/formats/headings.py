@@ -6,17 +6,17 @@ before it, which the reader takes off again; names that begin with apostrophes a
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import islice
 
 from aeolid.display import has_unseen, token, visible
 from aeolid.errors import DataError
 from aeolid.formats.table import listed
+from aeolid.units import conversion
+from aeolid.wording import did_you_mean
 
 _SAME = {
     "sec": "s", "second": "s", "seconds": "s", "°": "deg", "degree": "deg", "degrees": "deg", "radians": "rad",
@@ -69,9 +69,6 @@ def harmless_name(name: str, unit: str) -> str:
     return plain
 
 
-_COMPARED = 100  # characters of names that are searched for the one that was meant
-
-
 def split_heading(heading: str) -> tuple[str, str | None]:
     """Split 'pitch [deg]', 'pitch (deg)' or 'pitch_[deg]' into name and unit; the unit is None where none stands."""
     text = heading.strip()
@@ -108,8 +105,7 @@ def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
         return found[0]
     if found:
         raise DataError(f"{source}: the heading {wanted!r} stands there {len(found)} times; rename all but one")
-    near = _nearest(wanted, headings.bare)
-    hint = f"; did you mean {token(near)!r}?" if near and len(names) > 1 else ""
+    hint = did_you_mean(wanted, headings.bare) if len(names) > 1 else ""
     # the first line of what is no table is not shown
     held = listed(list(headings.bare)) if len(names) > 1 else "one column only"
     raise DataError(
@@ -134,14 +130,6 @@ def _by_name(names: tuple[str, ...]) -> _Headings:
     return _Headings(Counter(names), bare)
 
 
-def _nearest(wanted: str, names: Iterable[str]) -> str | None:
-    """Return the name most like the wanted one; long names, and those behind the first thousands, are not compared."""
-    if len(wanted) > _COMPARED:
-        return None
-    folded = {n.lower(): n for n in reversed(list(islice(names, 50 * _COMPARED))) if len(n) <= _COMPARED}
-    return next((folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=0.6)), None)
-
-
 def check_unit(source: str, channel: str, wanted: str, found: str | None) -> None:
     """Refuse a unit in the file that differs from the roles file; either may be silent about it."""
     if found is None or not wanted or same_unit(wanted, found):
@@ -150,5 +138,5 @@ def check_unit(source: str, channel: str, wanted: str, found: str | None) -> Non
         return
     raise DataError(
         f"{source}: channel {channel!r} is in {found[:40]!r} in the file and in {wanted!r} in the roles file;"
-        f" correct the unit in the roles file or convert the column"
+        f" correct the unit in the roles file or {conversion(found, wanted)}"
     )

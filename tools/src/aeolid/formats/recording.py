@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from aeolid.errors import DataError
+from aeolid.file_kinds import NAMED, called, suffix_of
+from aeolid.file_kinds import SUFFIXES as SUFFIXES  # part of this module's face, too
 from aeolid.formats import extras
 from aeolid.formats.bladed import beside, companions, is_bladed, read_bladed
 from aeolid.formats.clock import clock_of, is_time_heading
@@ -22,10 +24,6 @@ from aeolid.record import Channel, Record, Roles, file_sha256
 
 log = logging.getLogger("aeolid.formats")
 
-SUFFIXES = (  # of what is taken for a recording in a folder: others are read by name
-    ".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log", ".sel", ".tdms",
-)  # fmt: skip
-_NAMED = (".txt", ".tsv", ".dbg", ".xlsx", ".h5", ".hdf5", ".dat")
 _TEXT = (".csv", ".csv.gz", ".txt", ".tsv", ".out", ".dbg")
 _RATES = (".mf4", ".tdms")  # formats in which each group of channels has a clock
 _CAN_LOGS = (".blf", ".asc", ".log")
@@ -134,10 +132,11 @@ def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
 
         return read_dataset(path, choose)
     empty = regular_size(path) == 0
-    name = path.name.lower()
-    suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
-    if suffix not in (*SUFFIXES, *_NAMED) and not is_bladed(path):
-        told = ", ".join([*SUFFIXES, *_NAMED, ".%04", ".$04", ".$PJ"])
+    suffix = suffix_of(path)
+    if suffix not in (*SUFFIXES, *NAMED) and not is_bladed(path):
+        if what := called(path):
+            raise DataError(f"{path}: {what}, where a recording is needed; name the file with the samples")
+        told = ", ".join([*SUFFIXES, *NAMED, ".%04", ".$04", ".$PJ"])
         raise DataError(f"{path}: the suffix {suffix or '(none)'} is none of {told}; export it as CSV")
     if empty and not is_bladed(path):  # of a project only the name counts
         raise DataError(f"{path}: the file is empty (0 bytes); copy or export it again")

@@ -11,6 +11,7 @@ from aeolid.errors import UsageError
 from aeolid.identify.fit import Score, score
 from aeolid.models.divergence import Divergence
 from aeolid.models.equations import Equations
+from aeolid.models.equations_names import own_names
 from aeolid.models.load import LinearModel, Model, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.models.rate import at_rate_of, rate_of
@@ -53,7 +54,7 @@ def run_free(model: Model, record: Record, initial: str = "estimate") -> FreeRun
             "validate), and has nothing to run on"
         )
     record = at_rate_of(rate_of(model), record)
-    matched(record, model.inputs)
+    matched(record, model.inputs, own_names(model))
     first, model = model, started(model, record, initial)
     y = model.simulate(record)
     names = [s.name for s in model.outputs]

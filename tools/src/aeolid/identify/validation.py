@@ -15,6 +15,7 @@ from aeolid.identify.free_run import started
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.residuals import ResidualReport, ResidualTest, run_residual_tests
 from aeolid.models.divergence import Divergence
+from aeolid.models.equations_names import own_names
 from aeolid.models.load import LinearModel, Model, discretise, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.models.prediction import complete_stretches
@@ -160,7 +161,7 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
 def free_stretch(model: Model, record: Record) -> Record:
     """Return the longest stretch of a recording in which nothing that drives the model is missing."""
     driven = (*model.inputs, *(model.state_space.scheduling if isinstance(model, LpvModel) else ()))
-    runs = complete_stretches(np.column_stack([matched(record, driven), record.time_s]), SHORTEST)
+    runs = complete_stretches(np.column_stack([matched(record, driven, own_names(model)), record.time_s]), SHORTEST)
     start, stop = max(runs, key=lambda r: r[1] - r[0], default=(0, len(record)))
     return record.slice(start, stop)
 
@@ -174,7 +175,7 @@ def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validatio
         holds = holds_of(record, [s.name for s in model.inputs])
         linear = discretise(model.state_space, record.sample_time_s, holds)
     if linear is None or linear.K is None:
-        matched(record, model.inputs)
+        matched(record, model.inputs, own_names(model))
         y, model = matched(record, model.outputs), started(model, record)
         return Validation(score([s.name for s in model.outputs], y, model.simulate(record)), None, None)
     fit = measure_fit(linear, [record], steps)

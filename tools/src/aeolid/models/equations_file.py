@@ -14,13 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.errors import DataError
+from aeolid.file_kinds import check_tables
 from aeolid.models import expressions as ex
 from aeolid.models.equations import STEP, Auxiliary, Equations, InputFilter, Memory, Output, Parameter, State
+from aeolid.models.equations_names import require_divisible
 from aeolid.models.equations_size import require_few, require_small
 from aeolid.models.input_filters import KINDS
 from aeolid.models.model_file import Signal
 from aeolid.record import check_keys
 from aeolid.text_files import MOST_LETTERS, is_number, is_short, parse_toml, read_text, shown
+from aeolid.wording import did_you_mean
 
 _LISTS = ("state", "output", "input", "input_filter", "auxiliary", "memory")
 
@@ -33,7 +36,7 @@ def load(path: str | Path) -> Equations:
 
 def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     """Build the model from parsed TOML; `text` serves to name the line of a bad expression."""
-    check_keys(data, {"model", "parameters", *_LISTS}, source)
+    check_tables(data, "equations", source)
     head = data.get("model", {})
     check_keys(head, {"name", "time", "sample_time_s"}, f"{source} [model]")
     name = head.get("name", Path(source).stem)
@@ -57,6 +60,7 @@ def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     require_small(model, source)
     _check_filters(model, source)
     _check_order(model, source)
+    require_divisible(model, source)
     return model
 
 
@@ -256,7 +260,8 @@ def _check_filters(model: Equations, source: str) -> None:
             raise DataError(f"{source} [[input_filter]]: {shown(f.channel)} is no input of the equations")
         for name in f.parameters:
             if name not in known:
-                raise DataError(f"{source} [[input_filter]]: {shown(name)} is no parameter")
+                hint = did_you_mean(name, sorted(known))
+                raise DataError(f"{source} [[input_filter]]: {shown(name)} is no parameter{hint}")
 
 
 def _check_name(name: Any, where: str) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.text_files import shown
+from aeolid.wording import did_you_mean
 
 Array = NDArray[np.float64]
 # Functions of the model file, with the fewest and the most arguments each takes.
@@ -192,7 +193,8 @@ def _check(node: ast.AST, text: str, where: str, depth: int) -> None:
 def _check_call(node: ast.Call, text: str, where: str) -> None:
     name = node.func.id  # type: ignore[attr-defined]
     if name not in FUNCTIONS:
-        raise DataError(f"{where}: function {shown(name)} is not known; allowed are {', '.join(FUNCTIONS)}")
+        hint = did_you_mean(name, FUNCTIONS) or ";"
+        raise DataError(f"{where}: function {shown(name)} is not known{hint} allowed are {', '.join(FUNCTIONS)}")
     fewest, most = FUNCTIONS[name]
     if not fewest <= len(node.args) <= most:
         raise DataError(

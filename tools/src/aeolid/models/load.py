@@ -24,6 +24,8 @@ from aeolid.models.prediction import complete_stretches, estimate_initial_state
 from aeolid.models.rate import holds_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
+from aeolid.units import conversion
+from aeolid.wording import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -159,10 +161,11 @@ def diverged(model: Model, record: Record, y: Array) -> Divergence | None:
     return divergence_of(y, record, model.outputs, linear)
 
 
-def matched(record: Record, signals: Sequence[Named]) -> Array:
+def matched(record: Record, signals: Sequence[Named], own: Sequence[str] = ()) -> Array:
     """Return the samples (N, k) of a model's signals; raises DataError on a missing channel or another unit.
 
-    A signal called time_s that is no channel is the time itself: every recording has it. The cosine and sine of a
+    own: the names that the model itself defines: one of them may have been meant by a channel that is missing. A
+    signal called time_s that is no channel is the time itself: every recording has it. The cosine and sine of a
     recorded angle, and the fixed-frame channels of blades, are made where a model asks for them (see `angles`,
     `blade_sets`).
     """
@@ -175,12 +178,15 @@ def matched(record: Record, signals: Sequence[Named]) -> Array:
     for s in signals:
         if s.name not in names:
             have = ", ".join(names)
-            raise DataError(f"{record.source}: the model's channel {s.name!r} is missing; the recording has {have}")
+            hint = did_you_mean(s.name, [*names, *own]) or ";"
+            raise DataError(
+                f"{record.source}: the model's channel {s.name!r} is missing{hint} the recording has {have}"
+            )
         unit = record.unit(s.name)
         if s.unit and unit != s.unit:
             raise DataError(
                 f"{record.source}: channel {s.name!r} is in {unit or 'no unit'!r}, the model has it in {s.unit!r}; "
-                "convert the recording or correct its unit in the roles file"
+                f"{conversion(unit, s.unit)} or correct its unit in the roles file"
             )
     return record.columns([s.name for s in signals])
 

@@ -15,10 +15,12 @@ from aeolid.diagnose.data.inside import resolve
 from aeolid.diagnose.data.match import matched
 from aeolid.diagnose.rules import in_force
 from aeolid.errors import Contradiction, DataError, UsageError
+from aeolid.file_kinds import check_tables, require_case
 from aeolid.formats import read_record
 from aeolid.models import equations_file
 from aeolid.models.angles import turn_of
 from aeolid.models.equations import Equations
+from aeolid.models.equations_names import unmatched
 from aeolid.models.equations_size import require_few, require_readable
 from aeolid.models.exchange.files import read_state_space
 from aeolid.models.exchange.fmu import Fmu, open_fmu
@@ -26,6 +28,7 @@ from aeolid.models.rate import at_rate_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record, Roles, check_keys, file_sha256, require_distinct, require_same_layout
 from aeolid.text_files import is_number, load_toml, shown
+from aeolid.units import conversion
 
 CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of the machine: check, and its wording
     "machine": (lambda v: isinstance(v, str), "a text"),
@@ -123,9 +126,10 @@ def load_recordings(
 
 def _tables(find: Find, folder: Path) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], str]:
     """Return the content of case.toml, its tables [case] and [recordings], and its name."""
+    require_case(folder)
     source = str(find("case.toml", str(folder)))
     data = load_toml(source)
-    check_keys(data, {"case", "recordings", "baseline", "context"}, source)
+    check_tables(data, "case", source)
     head, files = data.get("case", {}), data.get("recordings", {})
     check_keys(head, {"title"}, f"{source} [case]")
     check_keys(files, {"files", "roles"}, f"{source} [recordings]")
@@ -303,11 +307,12 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
     for what, signals in (("input", model.inputs), ("output", model.outputs)):
         for signal in signals:
             if signal.name not in units:
-                raise DataError(f"{source}: {what} {signal.name!r} is no channel of {record.source}")
+                raise DataError(f"{source}: {unmatched(model, what, signal.name, record)}")
             unit, role = units[signal.name]
             if signal.unit and unit and signal.unit.replace(" ", "") != unit.replace(" ", ""):
                 raise Contradiction(
-                    f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r}; convert one"
+                    f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r};"
+                    f" {conversion(unit, signal.unit)}, or correct its unit in the roles file"
                 )
             if what == "input" and role == "output":
                 raise DataError(f"{source}: input {signal.name!r} has the role 'output' in the roles file")

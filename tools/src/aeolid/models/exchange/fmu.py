@@ -15,6 +15,7 @@ from aeolid.confined import Failure, Limits, Reply, call
 from aeolid.confined.limits import MIB
 from aeolid.errors import Contradiction, DataError, NotIdentifiable
 from aeolid.models.exchange.fmu_unpack import unpack
+from aeolid.units import conversion
 
 Array = NDArray[np.float64]
 _CHILD = "aeolid.models.exchange.fmu_child"
@@ -47,7 +48,7 @@ class Fmu:
             if declared and recorded and declared != recorded:
                 raise Contradiction(
                     f"{self.path}: {name} is in {self.units[name]!r}, the roles file says {record_units[name]!r};"
-                    " convert one"
+                    f" {conversion(record_units[name], self.units[name])}, or correct its unit in the roles file"
                 )
 
 
