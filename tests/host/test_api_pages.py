@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,25 @@ def test_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plt.close("all")
     assert len(shown) >= 5 and (tmp_path / "model.json").is_file()
     assert names["same"].channels == tuple(_without_column(c) for c in names["monday"].channels)
+
+
+def test_the_readme_shows_what_python_prints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first lines of its Python example, on the recording that its first command writes."""
+    import aeolid as ae
+
+    write_examples(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert 'ae.read("monday.csv", roles="roles.toml")' in text and "ae.identify(rec, past=30)" in text
+    model = ae.identify(ae.read("monday.csv", roles="roles.toml"), past=30)
+    assert f"# {model!r}\n" in text
+
+
+def test_the_floquet_page_explains_a_line_of_its_answer() -> None:
+    text = (ROOT / "docs/howto/floquet.md").read_text(encoding="utf-8")
+    answer = text.split("```text\n")[1].split("```")[0]
+    shown = re.findall(r"`([+−]\d+P \d+ % at [\d.]+ Hz)`", text)
+    assert shown and [line for line in shown if line not in answer] == []
 
 
 def _without_column(channel: Any) -> Any:

@@ -46,6 +46,7 @@ WRONG = {
     "check my_case/model.json": "my_case/model.json: a model file, where the folder of a case is needed;",
     "check stage/roles.toml": "stage/roles.toml: a roles file, where the folder of a case is needed;",
     "check monday.csv": "monday.csv: a recording, where the folder of a case is needed; a case is a folder with",
+    "identify monday.csv --roles blade*:output --out m.json": "blade*:output: no such file; roles are read from a TOML",
     "check nowhere": "nowhere: no such folder; a case is a folder with",
     "diagnose stage/case.toml --out out": "stage/case.toml: a case file, where the folder of a case is needed;",
     f"identify stage/case.toml {ROLES} --out m.json": "stage/case.toml: a case file, where a recording is needed;",

@@ -268,7 +268,12 @@ def _order_difference(first: Record, other: Record, ordered: bool) -> str:
 
 
 def _tables(source: str) -> dict[str, Any]:
-    """Return the content of a roles file; one that is no TOML at all is told what is needed."""
+    """Return the content of a roles file; what is no TOML at all, or no file, is told what is needed."""
+    if not source.endswith(".toml") and not Path(source).exists():
+        raise DataError(
+            f"{source}: no such file; roles are read from a TOML file with a [[channel]] table for each channel, by its"
+            " full name (no patterns); aeolid init RECORDING writes one"
+        )
     text = read_text(source)
     try:
         return parse_toml(text, source)
