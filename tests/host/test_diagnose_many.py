@@ -188,5 +188,5 @@ def test_each_turbine_becomes_a_case_of_the_template(tmp_path: Path) -> None:
     assert data[0]["case"]["title"] == "turbine a/b" and data[1]["recordings"]["files"] == [str(tmp_path / '3 "x".csv')]
     assert data[1]["baseline"]["file"] == str(template / "model.json") and data[1]["context"] == {"blades": 3}
     (template / "case.toml").write_text("[case]\n")
-    with pytest.raises(DataError, match=r"no \[baseline\] that turbines could be held against"):
+    with pytest.raises(DataError, match=r"no \[baseline\] that turbines could be compared with"):
         write_cases(template, tmp_path / "roles.toml", members, tmp_path / "cases")

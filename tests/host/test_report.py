@@ -131,7 +131,7 @@ def test_diagnosis_page_starts_with_the_verdict(tmp_path: Path) -> None:
     order = ["Verdict: Named · first-order actuator lag", diagnosis["effects"][0]["statement"],
              "In ROSCO: set PA_Mode = 1", "What to record next", "Pitch PRBS of 0.5 deg", "Before and after", "41.2 %",
              "4.30 %", "0.312 ± 0.021", "What decided", "transport delay, at the input pitch", "Where it sits",
-             "What was worth a fit", "0.12 1/m²", "20 recordings generated", "as declared",
+             "Score test of every effect", "0.12 1/m²", "20 recordings generated", "as declared",
              "−37\u202f100 ± 310"]  # fmt: skip
     place = 0
     for part in order:  # each one after the one before it

@@ -14,7 +14,8 @@ from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.validation.proof import _spectra
 from aeolid.report import render_diagnosis
 from aeolid.report.answer import answer, groups_of, sentence_of, share_of
-from aeolid.report.charts import AFTER, BEFORE, GREY, INK, WIDE, label, sketch
+from aeolid.report.charts import AFTER, BEFORE, GREY, INK, WIDE, label, sketch, titled
+from aeolid.report.diagnosis import _not_excluded, diagnosis_parts
 from aeolid.report.evidence import score_bank
 from aeolid.report.markup import STYLE, Html, figure, folded, section, write_page
 from aeolid.report.numbers import OPEN, quantity, with_std
@@ -169,3 +170,45 @@ def test_a_value_that_says_nothing_is_no_number_with_a_spread() -> None:
     assert sentence_of("pulse_force is wrong") == "pulse_force is wrong." and sentence_of("h1 spills").startswith("h1")
     twice = [effect("overflow", 1.0, "a"), effect("overflow", 1.0, "b")]
     assert answer({"verdict": "multiple", "effects": twice, "statement": "a; and b"}).count("overflow") == 1  # type: ignore[arg-type]
+
+
+def test_each_effect_that_is_not_excluded_is_listed_once_by_its_name() -> None:
+    """Forms of one effect have a range; one that is tested elsewhere is silent with its place."""
+
+    def least(value: float | None, symbol: str, unit: str = "s") -> dict[str, object]:
+        return {"value": value, "unit": unit, "parameter": symbol}
+
+    entries: list[dict[str, object]] = [
+        {"id": "sensor_lag", "entry": "output:speed", "minimum_detectable": least(1.3, "tau_s")},
+        {"id": "sensor_lag", "entry": "output:speed", "minimum_detectable": least(5.0, "tau_s")},
+        {"id": "sensor_lag", "entry": "output:tower", "minimum_detectable": None},
+        {"id": "sensor_scale", "entry": "output:speed", "minimum_detectable": None},
+        {"id": "sensor_scale", "entry": "output:speed", "minimum_detectable": None},
+        {"id": "input_saturation", "entry": "input:pitch", "minimum_detectable": least(-5.0, "low", "deg")},
+        {"id": "input_saturation", "entry": "input:pitch", "minimum_detectable": least(77.0, "high", "deg")},
+    ]
+    page = _not_excluded(entries)
+    assert "2 effects may be present" in page and page.count('<tr class="row">') == 2
+    assert "time constant 1.3 s to 5.0 s, by its form" in page and "lowest value −5.0 deg; highest value 77 deg" in page
+    assert page.count(">sensor_lag<") == 1 and page.count("wrong scale or unit of a channel") == 1
+    assert "first-order sensor lag, at the sensor of tower" in page and "sensor_scale" not in page
+
+
+def test_values_say_what_their_deviations_allow() -> None:
+    facts = report_examples.diagnosis()
+    assert "size for its form" in diagnosis_parts(facts, {})
+    assert "size for its form" not in diagnosis_parts(facts | {"run": {}}, {})
+
+
+def test_the_next_experiment_says_its_time_and_what_it_parts_once() -> None:
+    said = "To decide between first-order actuator lag and transport delay: add steps for 1 min"
+    entry = {"text": said, "minutes": 1.0, "separates": ["actuator_lag", "transport_delay"]}
+    page = diagnosis_parts({"verdict": "ambiguous", "next_experiment": entry}, {})
+    assert "1.00 min" not in page and "It tells apart" not in page
+
+
+def test_a_long_title_is_written_on_several_lines() -> None:
+    with sketch((8.0, 3.0), 1, 2) as drawing:
+        titled(drawing.axes[0, 0], "generator_speed_of_the_high_speed_shaft → tower_top_acceleration_fore_aft")
+        lines = drawing.axes[0, 0].get_title(loc="left").splitlines()
+    assert len(lines) > 1 and max(map(len, lines)) < 45

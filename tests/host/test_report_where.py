@@ -12,14 +12,14 @@ from aeolid.report.charts import DOT as INK
 from aeolid.report.where import equations, maps
 
 CAPTIONS = {
-    "bands": ("by channel and third octave", "A dot marks what chance does not give"),
+    "bands": ("by channel and third octave", "A dot marks what is significant"),
     "time": ("by channel and stretch of time", "A dot marks a stretch that differs"),
-    "region": ("By channel and region of wind", "moved in time against wind, do not give"),
+    "region": ("By channel and by the value of wind", "innovations shifted in time against wind"),
     "azimuth": ("By channel and azimuth order", "A dot marks a line"),
-    "path": ("Which recorded channel the innovations follow", "A dot marks a channel that is followed"),
-    "horizon": ("How far ahead the model as it was holds", "A dot marks what chance does not give"),
-    "effort": ("Control effort: power of the inputs", "A dot marks what chance does not give"),
-    "inferred": ("Inferred inputs: power of the wind", "A dot marks what chance does not give"),
+    "path": ("Which recorded channel the innovations depend on", "A dot marks a significant dependence"),
+    "horizon": ("How far ahead the model before correction predicts", "A dot marks what is significant"),
+    "effort": ("Control effort: power of the inputs", "A dot marks what is significant"),
+    "inferred": ("Inferred inputs: power of the wind", "A dot marks what is significant"),
 }
 
 
@@ -69,6 +69,6 @@ def test_equations_say_what_was_asked_and_what_no_fit_does_without() -> None:
     page = equations(report_examples.equations())
     for part in ("no fit without", "211 nats", "5.70 nats", "wanders in time", "1.20", "3.40"):
         assert part in page, part
-    assert page.count("beyond chance") == 2
+    assert page.count(">significant<") == 2
     long = [*report_examples.equations()] * 10
     assert equations(long).count("<tr") == 1 + 12

@@ -148,7 +148,7 @@ def identify(out: Path, stream: dict[str, Any]) -> dict[str, Any]:
     facts["introduction"] = (
         "A software controller filtered the closed-loop turbine sample by sample and streamed Markov parameters and"
         " samples on a virtual CAN bus. The host identified a model from what it received. Then a recording of the same"
-        " turbine with a concealed effect was held against the turbine's true model."
+        " turbine with a concealed effect was compared with the turbine's true model."
     )
     facts["notes"] = [
         *facts["notes"],

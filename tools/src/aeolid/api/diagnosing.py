@@ -36,7 +36,7 @@ def diagnose(
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
 
     The same as `aeolid diagnose`, without a folder: same recordings, model and seed, same answer. A last part of the
-    recordings is sealed before anything is fitted, and what is found is held against it.
+    recordings is sealed before anything is fitted, and what is found is tested on it.
 
     Parameters
     ----------

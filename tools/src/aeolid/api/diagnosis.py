@@ -233,7 +233,7 @@ class Diagnosis:
         Returns
         -------
         ndarray of matplotlib.axes.Axes, shape (l,)
-            One that says why, where nothing was held against the sealed data.
+            One that says why, where nothing was tested on the sealed data.
         """
         from aeolid.api import axes as places
 

@@ -65,7 +65,7 @@ class EquationsFit:
 
     def __repr__(self) -> str:
         count = markup.count(len(self.result.values), "value")
-        return f"<EquationsFit: {count}, held against {markup.title(self.result.held_out)}>"
+        return f"<EquationsFit: {count}, validated on {markup.title(self.result.held_out)}>"
 
     def _repr_html_(self) -> str:
         return markup.shown(repr(self)[1:-1], self.values._repr_html_(), self.checks._repr_html_())

@@ -91,7 +91,7 @@ def case_text(
         "# A case for aeolid check and aeolid diagnose, as aeolid init guessed it: read it, correct it.",
         "[case]", f"title = {text(title)}", "",
         "[recordings]", f"files = [{text(recording)}]", 'roles = "roles.toml"', "",
-        "[baseline]  # what the recording is held against",
+        "[baseline]  # what the recording is compared with",
     ]  # fmt: skip
     if baseline is None:
         lines += [

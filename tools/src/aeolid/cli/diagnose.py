@@ -288,4 +288,6 @@ def _print_free_run(evidence: dict[str, Any], out: Path) -> None:
         told = (
             f"{o['one_step']:.3g} {o['unit']} with these values, {o['free_run']:.3g} {o['unit']} with those of {file}"
         )
-        console.print(f"  {o['name']}: a free run on the selection data errs by {told}", soft_wrap=True, markup=False)
+        console.print(
+            f"  {o['name']}: a free run on the selection data has an error of {told}", soft_wrap=True, markup=False
+        )

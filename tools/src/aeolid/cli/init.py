@@ -31,7 +31,9 @@ def run(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording of any format that is read.")],
     baseline: Annotated[
         Path | None,
-        typer.Option("--baseline", help="What it is held against: a simulator's recording, model.json, .toml or .fmu."),
+        typer.Option(
+            "--baseline", help="What it is compared with: a simulator's recording, model.json, .toml or .fmu."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the files; default: that of the recording.")

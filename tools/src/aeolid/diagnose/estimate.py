@@ -91,7 +91,7 @@ class Estimate:
             lines.append(f"  note: {name} differs between two parts of the data; its deviation is half of that")
         for one, other, correlation in self.alike[:3]:
             lines.append(f"  note: these data hardly tell {one} from {other} (correlation {correlation:.3f})")
-        lines.append(f"on data left out of a first fit, {self.held_out}:")
+        lines.append(f"validation of a first fit on data that it was not fitted to, {self.held_out}:")
         lines += [f"  {c.text()}" for c in self.checks]
         return "\n".join([*lines, *(f"note: {f.channel}: {f.finding}" for f in self.findings)])
 

@@ -24,7 +24,7 @@ def write_cases(template: Path, roles: Path, members: Mapping[str, Sequence[Path
     source = template / "case.toml"
     data = load_toml(source)
     if not isinstance(data.get("baseline"), dict):
-        raise DataError(f"{source}: no [baseline] that turbines could be held against")
+        raise DataError(f"{source}: no [baseline] that turbines could be compared with")
     shared = {k: v for k, v in data.items() if k in ("baseline", "context")}
     shared["baseline"] = _absolute(dict(shared["baseline"]), template)
     cases: dict[str, Path] = {}

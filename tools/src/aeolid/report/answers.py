@@ -49,5 +49,5 @@ def _column(axes: Any, orders: Any, facts: Facts) -> None:
         axis.set_xscale("log")
     top.set_yscale("log")
     bottom.set_yscale("log")
-    top.set_title(facts["output"])
+    charts.titled(top, facts["output"])
     bottom.set_xlabel("frequency (revolutions)")

@@ -81,7 +81,7 @@ def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, 
 
 
 def _label(axes: Any, signal: Facts, out: Facts) -> None:
-    axes[0].set_title(f"{signal['name']} → {out['name']}")
+    charts.titled(axes[0], f"{signal['name']} → {out['name']}")
     axes[0].set_ylabel(f"gain ({out.get('unit') or '1'} / {signal.get('unit') or '1'})")
     axes[1].set_ylabel("phase (deg)")
     axes[-1].set_xlabel("frequency (Hz)")

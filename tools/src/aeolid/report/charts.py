@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from textwrap import shorten, wrap
 from typing import Any
 
 import matplotlib
@@ -26,6 +27,8 @@ DOT = "#1b1f25"  # ink on a coloured ground, which stays as it is
 _THEME = {  # what a page's scheme changes: the colour drawn, and the page's name of it
     INK: "ink", "#5a6470": "soft", "#e3e7eb": "grid", GREY: "grey", BEFORE: "before", AFTER: "after",
 }  # fmt: skip
+_OF_WIDTH, _SHORTEST = 0.85, 12  # share of a figure that plots take; letters of the shortest line of a title
+_LETTER = 0.0085  # inches that a letter of DejaVu Sans is wide on the average, for each point of its size
 _POINTS = 1500  # per line: more cannot be told apart on the width of a page
 
 # A matplotlibrc in the current folder and the style of a caller have no say in a page, nor a page in theirs.
@@ -133,6 +136,19 @@ def smooth_spectrum(frequency_hz: Sequence[float], power: Sequence[float], per_o
 def label(name: str, unit: str | None) -> str:
     """Write an axis label: name and unit, the unit on a line of its own under a long name."""
     return f"{name}{chr(10) if len(name) > 16 else ' '}({unit})" if unit_of(unit) else name
+
+
+def titled(axes: Any, text: str, size: float = 10) -> None:
+    """Write the title of a plot, on several lines where it is wider than the plot."""
+    spec, figure = axes.get_subplotspec(), axes.get_figure()
+    widths = spec.get_gridspec().get_width_ratios()
+    inches = _OF_WIDTH * figure.get_figwidth() * widths[spec.colspan.start] / sum(widths)
+    axes.set_title("\n".join(wrap(text, max(_SHORTEST, int(inches / (_LETTER * size))))), fontsize=size)
+
+
+def short(text: str, most: int = 70) -> str:
+    """Return a text of at most so many characters, cut behind a word and marked where it is longer."""
+    return shorten(text, most, placeholder=" …")
 
 
 def bars(

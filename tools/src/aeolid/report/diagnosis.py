@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,12 @@ from aeolid.report.where import maps
 from aeolid.wording import place
 
 Facts = dict[str, Any]
+_DEVIATION = "± is one standard deviation."
+_ALLOWED = (  # candidates.form_share and constant_share of the rules, as they are by default
+    " Beside the uncertainty of the fit it allows 1 % of an effect's size for its form, 2 % for each constant of the"
+    " model that is not fitted, and 1/√3 of a sample for delays and lags that all inputs or the only output share."
+)
+_SIZES = "smallest size that would have been found"
 
 
 def render_diagnosis(diagnosis: Facts, evidence: Facts, path: str | Path) -> None:
@@ -51,7 +58,7 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
             Html(CONTENTS),
             _next_experiment(diagnosis.get("next_experiment") or {}),
             before_after(evidence, diagnosis.get("sealed") or {}, after=_after(diagnosis)),
-            _effects(effects, diagnosis.get("beside") or {}, over_turn if turns else None),
+            _effects(effects, diagnosis.get("beside") or {}, over_turn if turns else None, "run" in diagnosis),
             ranking(evidence.get("candidates") or [], found),
             None if diagnosis.get("verdict") == "ambiguous" else _rivals(effects),
             sides(evidence, turning=not turns),
@@ -65,7 +72,7 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
     )
 
 
-def _effects(effects: list[Facts], beside: Facts, over_turn: Html | None) -> Html:
+def _effects(effects: list[Facts], beside: Facts, over_turn: Html | None, is_run: bool) -> Html:
     parts: list[Html | None] = []
     for effect in effects:
         identifier = str(effect.get("id", ""))
@@ -75,6 +82,8 @@ def _effects(effects: list[Facts], beside: Facts, over_turn: Html | None) -> Htm
         parts += _described(
             "unlisted", "without a name", "no entry of the catalogue has this form; the corrected model has it", beside
         )
+    if any(e.get("parameters") for e in (*effects, beside)):
+        parts.append(tag("p", _DEVIATION if is_run else _DEVIATION + _ALLOWED, class_="soft"))
     parts.append(over_turn)
     title = {0: "What comes nearest", 1: "The effect"}.get(len(effects), "The effects")
     return section(title, *parts)
@@ -150,20 +159,37 @@ def _place(value: Any, key: str) -> str:
 
 
 def _not_excluded(entries: list[Facts]) -> Html:
-    known = [e for e in entries if (e.get("minimum_detectable") or {}).get("value") is not None]
-    known = [e for e in known if not is_open(e["minimum_detectable"]["value"])]
+    """List the effects that may be there below a size, each once at each place, and those that the data cannot test."""
+    sizes: dict[tuple[str, str], dict[str, list[Facts]]] = {}
+    silent: set[tuple[str, str]] = set()
+    for e in entries:
+        least, where = e.get("minimum_detectable") or {}, (str(e.get("id")), str(e.get("entry") or ""))
+        if is_open(least.get("value")):
+            silent.add(where)
+        else:
+            sizes.setdefault(where, {}).setdefault(_symbol(e), []).append(least)
+    tested = {identifier for identifier, _ in sizes}
+    untold = {called(*w) if w[0] in tested else name_of(w[0]) for w in silent - sizes.keys()}
     rows = [
-        (name_of(str(e.get("id"))), place(str(e.get("entry") or "")), _symbol(e), quantity(e["minimum_detectable"], 2))
-        for e in known
-    ]
-    silent = sorted({name_of(str(e.get("id"))) for e in entries if e not in known})
-    rest = f"These data say nothing about: {', '.join(silent)}." if silent else None
+        (name_of(identifier), place(entry), "; ".join(f"{what} {_range(least)}" for what, least in found.items()),
+         identifier)
+        for (identifier, entry), found in sizes.items()
+    ]  # fmt: skip
+    rest = f"These data say nothing about: {'; '.join(sorted(untold))}." if untold else None
+    many = "1 effect" if len(tested) == 1 else f"{len(tested)} effects"
     return section(
         "What this recording cannot exclude",
-        tag("p", f"{len(rows)} effects may be present below a size that would have been found.") if rows else None,
-        folded("The sizes", table(["effect", "where", "of", "#smallest size that would have been found"], rows)),
+        tag("p", f"{many} may be present below the size that would have been found.") if rows else None,
+        folded("The sizes", table(["effect", "where", _SIZES, "in the catalogue"], rows)),
         tag("p", rest) if rest else None,
     )  # fmt: skip
+
+
+def _range(sizes: Sequence[Facts]) -> str:
+    """Return the size of an effect; from the least to the greatest where it depends on the form of the effect."""
+    ordered = sorted(sizes, key=lambda s: float(s["value"]))
+    least, most = quantity(ordered[0], 2), quantity(ordered[-1], 2)
+    return least if least == most else f"{least} to {most}, by its form"
 
 
 def _symbol(entry: Facts) -> str:
@@ -175,9 +201,11 @@ def _next_experiment(entry: Facts) -> Html:
     if not entry.get("text"):
         return Html("")
     minutes = f"{number(entry['minutes'])} min" if entry.get("minutes") else ""
-    minutes = f" ({minutes})" if minutes and minutes not in entry["text"] else ""
-    separates = entry.get("separates") or []
-    apart = f" It tells apart {' and '.join(map(label_of, map(str, separates)))}." if len(separates) > 1 else ""
+    told = minutes in entry["text"] or f"{entry.get('minutes') or 0:.3g} min" in entry["text"]
+    minutes = "" if not minutes or told else f" ({minutes})"
+    separates = [label_of(str(s)) for s in entry.get("separates") or []]
+    new = len(separates) > 1 and not all(s in entry["text"] for s in separates)
+    apart = f" It tells apart {' and '.join(separates)}." if new else ""
     return section("What to record next", tag("p", sentence_of(entry["text"] + minutes) + apart))
 
 
@@ -187,6 +215,7 @@ def _false_alarm(entry: Facts) -> Html:
     return section(
         "False alarms",
         tag("p", f"The whole procedure was run on {number(entry['sham_runs'])} recordings generated from the model"
-            f" itself, which lack nothing: it gave a name in {number(entry.get('false_names'))} of them. The threshold"
-            f" of a score here is {number(entry.get('threshold'))}, and less where an effect's tick above is."),
+            f" itself, in which nothing is missing: it named an effect in {number(entry.get('false_names'))} of them."
+            f" The threshold of significance of the scores is {number(entry.get('threshold'))}; orange ticks above mark"
+            " lower ones."),
     )  # fmt: skip

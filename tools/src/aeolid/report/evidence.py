@@ -102,8 +102,8 @@ def _restart(time: Any, horizon_s: float | None) -> str:
     if horizon_s < 1.5 * (time[1] - time[0]):
         return " The lines predict one step ahead."
     return (
-        f" Every {number(float(horizon_s))} s the prediction starts again from what was measured until then, so its"
-        " error is small there and grows until the next start: those edges are no fault of the model."
+        f" Every {number(float(horizon_s))} s the prediction starts again from the measured past; its error is small"
+        " there and grows until the next start. The jumps at the starts are no error of the model."
     )
 
 
@@ -131,8 +131,8 @@ def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:
         axes.legend(loc="best")
     return figure(
         drawing.svg,
-        f"{name}: at which frequencies the error was, and is (averaged over twelfths of an octave; within each"
-        " stretch that is predicted at one go, so that the starts do not show).",
+        f"{name}: spectrum of the error before and after (averaged over twelfths of an octave, and computed within"
+        " stretches between two starts of the prediction, so that the starts do not show).",
     )
 
 
@@ -146,7 +146,7 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
         return Html("")
     ranked = sorted(bank, key=lambda e: -(e.get("statistic") or 0.0))
     shown = [e for i, e in enumerate(ranked) if i < _MOST_BARS or (e.get("id"), e.get("entry")) in found]
-    names = [called(e.get("id"), e.get("entry")) for e in shown]
+    names = [charts.short(called(e.get("id"), e.get("entry"))) for e in shown]
     with charts.sketch((charts.WIDE[0], 0.9 + 0.27 * len(shown))) as drawing:
         marked = {i for i, e in enumerate(shown) if (e.get("id"), e.get("entry")) in found}
         values = [float(e.get("statistic") or 0.0) for e in shown]
@@ -159,14 +159,14 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
     ]  # fmt: skip
     head = ["effect", "#statistic", "#p value", "#one-step estimate", "#smallest found", "unit", "in the catalogue"]
     caption = (
-        f"{len(bank)} effects tried. A score asks of an effect of size zero whether it is worth a fit; it names"
-        " nothing: what the fitted effect gains does. Right of its orange tick a score is beyond what chance gives;"
-        " blue: named above. What the model's own parameters could imitate has been projected out."
+        f"{len(bank)} hypotheses, each an effect at a place. A score test says without a fit whether an effect is worth"
+        " one; what is named is decided by the gain of the fits. A score to the right of its orange tick is"
+        " significant; blue: named above. Errors that the model's own parameters could explain are projected out."
     )
     if len(shown) < len(bank):
-        caption += f" Shown: the {_MOST_BARS} that speak loudest, and what is named."
+        caption += f" Shown: the {_MOST_BARS} with the largest scores, and what is named."
     numbers = folded(f"The numbers of {len(rows)} effects", table(head, rows))
-    return section("What was worth a fit: every effect's score", figure(drawing.svg, caption), numbers)
+    return section("Score test of every effect", figure(drawing.svg, caption), numbers)
 
 
 def _sized(value: Any) -> str:
@@ -178,7 +178,10 @@ def confusion(data: Facts) -> Html:
     names, values = data.get("ids") or [], np.asarray(data.get("cos2") or [], dtype=float)
     if len(names) < 2 or values.shape != (len(names), len(names)):
         return Html("")
-    names, values = [label_of(n) for n in names[:_MOST_CONFUSED]], values[:_MOST_CONFUSED, :_MOST_CONFUSED]
+    names, values = (
+        [charts.short(label_of(n), 50) for n in names[:_MOST_CONFUSED]],
+        values[:_MOST_CONFUSED, :_MOST_CONFUSED],
+    )
     side = 2.2 + 0.34 * len(names)
     with charts.sketch((side + 1.6, side)) as drawing:
         axes = drawing.axes[0, 0]
@@ -237,9 +240,9 @@ def _free_run(facts: Facts) -> Sequence[Html]:
     if not facts:
         return ()
     said = (
-        "The corrected model is there to be run, with no measurement to hold it. Its file has the values with which it"
-        " runs free best; those told above predict one step ahead, whatever the noise between two steps may hide."
-        " Error of the free run on the selection data, to which only the values told above had been fitted:"
+        "The file of the corrected model has the values with which the model simulates best, run free on the inputs"
+        " alone; the values told above are those that predict best one step ahead. Error of the free run on the"
+        " selection data, to which only the values told above had been fitted:"
     )
     errors = [(o["name"], number(o["one_step"]), number(o["free_run"]), o["unit"]) for o in facts["outputs"]]
     values = [(p["name"], number(p["one_step"]), number(p["free_run"]), p["unit"]) for p in facts["parameters"]]
@@ -260,7 +263,9 @@ def _horizon(horizon: dict[str, Facts]) -> Sequence[Html]:
             axes.set_ylabel("error (NRMSE)")
             axes.set_ylim(bottom=0)
             axes.legend(loc="best")
-        figures.append(figure(drawing.svg, f"{name}: error of the prediction so many samples ahead."))
+        figures.append(
+            figure(drawing.svg, f"{name}: error of the prediction over the number of samples that it looks ahead.")
+        )
     return figures
 
 

@@ -138,7 +138,7 @@ def _row(own: list[Facts], frequency_hz: list[float], simulated: Facts, units: F
                     top.loglog(at, entry["gain"], **style)
                     bottom.semilogx(at, entry["phase_deg"], **style)
             top.set_ylim(0.3 * np.nanmin(gain[gain > 0], initial=1e9), 3 * np.nanmax(gain, initial=1e-9))
-            top.set_title(f"{pair['input']} → {pair['output']}")
+            charts.titled(top, f"{pair['input']} → {pair['output']}")
             top.set_ylabel(f"gain ({units.get(pair['output']) or '1'} / {units.get(pair['input']) or '1'})")
             bottom.set_yticks([-180, -90, 0, 90, 180])
             bottom.set_ylabel("phase (deg)")

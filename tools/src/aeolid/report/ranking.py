@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import shorten
 from typing import Any
 
-from aeolid.diagnose.hypotheses.catalogue import name_of
+from aeolid.diagnose.hypotheses.catalogue import in_words, name_of
 from aeolid.report import charts
 from aeolid.report.markup import Html, figure, folded, section, table, tag
 from aeolid.report.numbers import is_open, number
@@ -14,7 +13,7 @@ from aeolid.wording import place, spoken
 
 Facts = dict[str, Any]
 Named = set[tuple[Any, Any]]  # id and place of what the answer names
-_MOST_BARS, _MOST_LETTERS = 12, 70
+_MOST_BARS = 12
 _REFUSED = "not accepted"
 
 
@@ -65,17 +64,17 @@ def ranking(candidates: Sequence[Facts], found: Named) -> Html:
     if not ranked:
         return Html("")
     shown = [c for i, c in enumerate(ranked) if i < _MOST_BARS or names_it(c, found)]
-    labels = [shorten(label_of(str(c.get("key", ""))), _MOST_LETTERS, placeholder=" …") for c in shown]
+    labels = [charts.short(label_of(str(c.get("key", "")))) for c in shown]
     labels = [f"{text} ({_REFUSED})" if _is_refused(c) else text for c, text in zip(shown, labels, strict=True)]
     with charts.sketch((charts.WIDE[0], 0.9 + 0.3 * len(shown))) as drawing:
         marked = {i for i, c in enumerate(shown) if names_it(c, found)}
         charts.bars(drawing.axes[0, 0], labels, [gain_of(c) for c in shown], [None] * len(shown), marked)
         drawing.axes[0, 0].set_xlabel("evidence gained (nats)")
     caption = (
-        "What each explanation gains when it is fitted, against the model as it was, less what its parameters"
-        " cost. 3 nats are odds of 20 to 1, 7 nats of 1000 to 1; explanations nearer to each other than 3 nats are not"
-        " told apart. Blue: what is named above; not accepted: its values are not plausible for a machine, or it failed"
-        " a check, which the table says."
+        "Gain in log-likelihood of each fitted explanation over the model before correction, less a penalty for its"
+        " parameters. 3 nats are odds of 20 to 1, 7 nats of 1000 to 1; explanations less than 3 nats apart are not"
+        " distinguished. Blue: what is named above; not accepted: its values are not plausible for a machine, or it"
+        " failed a check, which the table says."
     )
     rest = f" Shown: the first {len(shown)} of {len(ranked)}." if len(shown) < len(ranked) else ""
     return section("What decided", figure(drawing.svg, caption + rest), _table(ranked))
@@ -88,11 +87,11 @@ def _is_refused(candidate: Facts) -> bool:
 def _table(ranked: Sequence[Facts]) -> Html:
     rows = [
         (label_of(str(c.get("key", ""))), number(gain_of(c)), number(c.get("fit_gain")), number(c.get("select_gain")),
-         spoken(str(c.get("reason") or (_REFUSED if _is_refused(c) else ""))))
+         in_words(spoken(str(c.get("reason") or (_REFUSED if _is_refused(c) else "")))))
         for c in ranked
     ]  # fmt: skip
     head = ["explanation", "#evidence (nats)", "#on the fit data", "#on the selection data", "not accepted because"]
     if all(c.get("fit_gain") is None for c in ranked):
         head, rows = [head[0], head[1], head[4]], [(r[0], r[1], r[4]) for r in rows]  # type: ignore[misc]
     note = tag("p", "Gains are differences of log-likelihood, in nats.", class_="soft")
-    return folded(f"All {len(ranked)} fitted explanations, with what spoke against them", note, table(head, rows))
+    return folded(f"All {len(ranked)} fitted explanations, with the reasons against them", note, table(head, rows))

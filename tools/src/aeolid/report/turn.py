@@ -91,7 +91,7 @@ def _over_turn(turning: Facts, styles: Mapping[str, Facts], caption: str, listed
             data = turning[name]
             for key, style in styles.items():
                 axes.plot(data["azimuth_deg"], data[key], label=key, **style)
-            axes.set_title(charts.label(name, data.get("unit")).replace("\n", " "), fontsize=8.5)
+            charts.titled(axes, charts.label(name, data.get("unit")).replace("\n", " "), 8.5)
             axes.set_xticks([0, 90, 180, 270, 360])
         for place, axes in enumerate(drawing.axes.flat):
             axes.set_visible(place < len(names))

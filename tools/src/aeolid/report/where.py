@@ -21,9 +21,9 @@ _PALE = 0.25  # of the colours is for what chance gives: noise looks like noise
 _MOST_SOURCES = 4  # recordings side by side in one map
 _MOST_ROWS = 12
 _SIGNED, _PLAIN = "PuOr_r", "Purples"
-_CHANCE = "times chance's limit"
-_COLOUR = " Colour: more (orange) or less (violet) than expected, against the limit of chance; pale is nothing."
-_DOT = "A dot marks what chance does not give (1 % for the whole map)." + _COLOUR
+_CHANCE = "times the limit"
+_COLOUR = " Colour: more (orange) or less (violet) than expected, in multiples of the limit of significance."
+_DOT = "A dot marks what is significant (at 1 % for the whole map)." + _COLOUR
 _DOT_OF_TENTH = _DOT.replace("map).", "map) and is a tenth of the power at least.")
 
 
@@ -48,8 +48,8 @@ def maps(evidence: Facts) -> Html:
 def band_map(bands: list[Facts]) -> Html:
     """Show channel × frequency: how far the innovations of the model as it was are from white."""
     caption = (
-        "What the model as it was leaves unexplained, one step ahead: power of its innovations against white noise,"
-        f" by channel and third octave. {_DOT}"
+        "What the model before correction leaves unexplained: power of its innovations (errors of the one-step"
+        f" prediction) relative to white noise, by channel and third octave. {_DOT}"
     )
     return _over(bands, _outputs(bands), caption, "frequency_hz")
 
@@ -74,13 +74,13 @@ def time_map(cells: list[Facts]) -> Html:
                 axes.tick_params(axis="y", length=0 if column else 3.5, labelleft=not column)
             _scale(drawing, image, list(drawing.axes[row]), f"{kind}\n{_CHANCE}", top)
         for column, source in enumerate(shown):
-            drawing.axes[0, column].set_title(source if len(shown) > 1 else "", fontsize=8.5)
+            charts.titled(drawing.axes[0, column], source if len(shown) > 1 else "", 8.5)
             drawing.axes[1, column].set_xlabel("time (s)")
     rest = f" Shown: {len(shown)} of {len(sources)} recordings." if len(shown) < len(sources) else ""
     caption = (
         "The same innovations by channel and stretch of time, over the data of the fit. Above: their mean less that of"
-        " the whole, in standard deviations; below: their power against the whole. A dot marks a stretch that differs"
-        f" from the others by more than chance gives (1 % for the whole map).{_COLOUR}{rest}"
+        " the whole, in standard deviations; below: their power relative to that of the whole. A dot marks a stretch"
+        f" that differs significantly from the others (at 1 % for the whole map).{_COLOUR}{rest}"
     )
     return figure(drawing.svg, caption)
 
@@ -112,9 +112,9 @@ def region_maps(cells: list[Facts]) -> list[Html]:
                 axes.set_xlabel(charts.label(channel, own[0].get("unit")).replace("\n", " "))
                 _scale(drawing, image, axes, f"{kind}\n{_CHANCE}", top)
         caption = (
-            f"By channel and region of {channel} shortly before, in bins with as many samples each: mean of the"
-            " innovations and their power against the whole. A dot marks what the same innovations, moved in time"
-            f" against {channel}, do not give (1 % for all regions).{_COLOUR}"
+            f"By channel and by the value of {channel} shortly before, in bins with equal numbers of samples: mean and"
+            " power of the innovations, relative to the whole. A dot marks what is significant (at 1 % for all"
+            f" bins) beside the same innovations shifted in time against {channel}.{_COLOUR}"
         )
         figures.append(figure(drawing.svg, caption))
     return figures
@@ -136,8 +136,8 @@ def azimuth_map(cells: list[Facts]) -> Html:
         _scale(drawing, image, axes, f"amplitude\n{_CHANCE}", top, low=0.0)
     caption = (
         "By channel and azimuth order: amplitude of the innovations at multiples of the recorded rotor angle, against"
-        " the limit of chance; pale is nothing. A dot marks a line: more than at the orders 0.25 to 0.45 beside it,"
-        " and with a phase that stays, beyond what chance gives (1 % for the whole map)."
+        " the limit of significance. A dot marks a line: significantly more than at the orders 0.25 to 0.45 beside it,"
+        " and with a constant phase (at 1 % for the whole map)."
     )
     return figure(tag("div", drawing.svg, style=f"max-width:{100 * side[0] / charts.WIDE[0]:.0f}%"), caption)
 
@@ -155,9 +155,9 @@ def path_map(cells: list[Facts]) -> Html:
     shown = [p for p in pairs if p in kept]
     rest = f" Shown: {len(shown)} of {len(pairs)} pairs." if len(shown) < len(pairs) else ""
     caption = (
-        "Which recorded channel the innovations follow: power that they share with a channel's past, by third octave,"
-        " against what chance gives; only the past counts, so that a controller's answer is no cause. A dot marks a"
-        f" channel that is followed there (1 % for the whole map).{_COLOUR}{rest}"
+        "Which recorded channel the innovations depend on: power that can be predicted from a channel's past, by third"
+        " octave; only the past counts, so that a controller's reaction is not taken for a cause. A dot marks a"
+        f" significant dependence (at 1 % for the whole map).{_COLOUR}{rest}"
     )
     rows = [f"{output} ← {channel}" for output, channel in shown]
     named = [c | {"output": f"{c['output']} ← {c['channel']}"} for c in cells]
@@ -169,8 +169,8 @@ def horizon_map(cells: list[Facts]) -> Html:
     times = sorted({float(c["horizon_s"]) for c in cells})
     ends = dict(zip(times, pairwise(_between(times)), strict=True)) if len(times) > 1 else {}
     caption = (
-        "How far ahead the model as it was holds: squared error of its predictions by horizon, the inputs known,"
-        " against what its own noise leads one to expect of a model that lacks nothing, in the same control loop."
+        "How far ahead the model before correction predicts: squared error by prediction horizon, the inputs known,"
+        " relative to the error expected from the model's own noise in the same control loop if nothing were missing."
         f" {_DOT_OF_TENTH}"
     )
     tiles = [c | {"ends": ends[float(c["horizon_s"])]} for c in cells] if ends else []
@@ -180,8 +180,8 @@ def horizon_map(cells: list[Facts]) -> Html:
 def effort_map(cells: list[Facts]) -> Html:
     """Show input × frequency: control effort against what the model in this loop would call for."""
     caption = (
-        "Control effort: power of the inputs that a controller computes, by third octave, against what the model as it"
-        f" was would call for behind the same controller and excitation. {_DOT_OF_TENTH}"
+        "Control effort: power of the inputs that a controller computes, by third octave, relative to what the same"
+        f" controller and excitation would need with the model before correction. {_DOT_OF_TENTH}"
     )
     return _over(cells, _outputs(cells), caption, "frequency_hz")
 
@@ -189,9 +189,9 @@ def effort_map(cells: list[Facts]) -> Html:
 def inferred_map(cells: list[Facts]) -> Html:
     """Show unmeasured input × frequency: whether what the model infers is what it takes such an input to be."""
     caption = (
-        "Inferred inputs: power of the wind and other forces that nobody measured, as the model infers them, by third"
-        " octave, against what it takes such inputs to be. What the model lacks is easily blamed on the wind, and the"
-        f" wind is then no plausible one. {_DOT_OF_TENTH}"
+        "Inferred inputs: power of the wind and other unmeasured forces as the model estimates them, by third octave,"
+        " relative to what the model assumes of them. An effect that is missing from the model is easily attributed to"
+        f" the wind, which then has an implausible spectrum. {_DOT_OF_TENTH}"
     )
     return _over(cells, _outputs(cells), caption, "frequency_hz")
 
@@ -226,13 +226,14 @@ def equations(rows: list[Facts]) -> Html:
         return Html("")
     shown = [
         (r.get("name"), r.get("asked"), _scaled(r), _scaled(r | {"statistic": r.get("threshold")}),
-         "beyond chance" if r.get("significant") else "")
+         "significant" if r.get("significant") else "")
         for r in rows[:_MOST_ROWS]
     ]  # fmt: skip
     text = (
-        "Which equation and which value the innovations accuse. Noise an equation needs: what the fit loses without it,"
-        " in nats; there act unmeasured inputs, or what the model lacks. Wanders in time: score of a declared value"
-        " that moves slowly, with all that the fit could move projected out."
+        "Which equation and which declared value the innovations point to. Noise an equation needs: the log-likelihood,"
+        " in nats, that the fit loses without process noise in this equation; unmeasured inputs or a missing effect act"
+        " there. Wanders in time: score test of a slow change of a declared value, with what the fitted parameters"
+        " could explain projected out."
     )
     head = ["equation or value", "asked", "#statistic", "#threshold", ""]
     return join([tag("p", text), table(head, shown)])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidates.moved import Moved
+from aeolid.diagnose.hypotheses.catalogue import meaning_of
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
 from aeolid.diagnose.predictor.fitted import Fit
@@ -55,7 +56,10 @@ class Candidate:
         parts = {s.label for s in attachment.slots if s.local} if attachment.entry == unlisted.ID else set()
         shared = parts if len(parts) > 1 else set()  # a cosine may be none beside its sine
         open_ = [label for label, (value, std) in values.items() if label not in shared and not std <= abs(value)]
-        return f"{said} (these data leave {' and '.join(open_)} open)" if open_ else said
+        meanings = {label: meaning_of(attachment.entry, label) for label in open_}
+        names = [f"{meaning} ({label})" if meaning else label for label, meaning in meanings.items()]
+        said = " ".join(said.split())  # a value without a unit leaves two blanks
+        return f"{said}; these data do not determine {' and '.join(names)}" if open_ else said
 
     def beyond(self, other: Candidate) -> Candidate:
         """Return what was fitted and counted from another candidate's fit as it counts from the bare baseline."""

@@ -63,7 +63,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         for slot, place in free:
             value = _value(slot, fit, model)
             if slot.label and at_bound(value, slot) and not _is_undetermined(slot, fit, place):
-                return f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
+                at = f"{value:.3g} {slot.unit if slot.unit != '1' else ''}".strip()
+                return f"{slot.label} of {a.key} ran to the end of its physical range ({at})"
             std = _deviation(slot, place, fit, model)
             if slot.change is not None and _reaches_an_end(value, 2 * std, slot):
                 return f"{a.key} may have been so all along: it changed at {value:.3g} s ± {std:.2g} s"

@@ -11,7 +11,11 @@ from aeolid.diagnose.stats.numbers import finite
 
 
 def not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
-    """List, for each entry that was not named, the smallest effect that this recording would have shown."""
+    """List, for each entry that was not named, the smallest effect that this recording would have shown.
+
+    Each once at a place; several sizes there are those of its forms. What no form of it has a size for is listed
+    without one.
+    """
     result = []
     for row in study.bank.rows:
         if row.attachment.entry in named | {unlisted.ID}:
@@ -24,4 +28,6 @@ def not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
         for label, value in least.items():
             value = {"value": finite(value["value"]), "unit": value["unit"], "parameter": label}
             result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": value})
-    return result
+    sized = {(r["id"], r["entry"]) for r in result if r["minimum_detectable"]}
+    told = [r for r in result if r["minimum_detectable"] or (r["id"], r["entry"]) not in sized]
+    return [r for k, r in enumerate(told) if r not in told[:k]]

@@ -155,9 +155,9 @@ def _late_findings(sampling: Sampling, step: float) -> tuple[Finding, ...]:
     found, settled = [], f"settled with the baseline ({sampling.gain:.4g} nats for how the inputs are read in all)"
     if sampling.is_filtered:
         text = (
-            f"the answer to the inputs comes rounded and {sampling.filter_s:.4g} s ({sampling.filter_s / step:.2f}"
-            f" samples) late, as behind an anti-alias filter of {_CORNER / sampling.filter_s:.3g} Hz; a drive faster"
-            f" than the sampling looks the same: {settled}"
+            f"the response to the inputs is smoothed and late by {sampling.filter_s:.4g} s"
+            f" ({sampling.filter_s / step:.2f} samples), as behind an anti-aliasing filter with a corner at"
+            f" {_CORNER / sampling.filter_s:.3g} Hz; a drive faster than the sampling looks the same: {settled}"
         )
         found.append(Finding("filter", "all outputs", text, "info"))
     if sampling.offset_s:

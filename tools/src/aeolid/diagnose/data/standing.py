@@ -200,7 +200,7 @@ def words(stretch: Stretch, channel: Channel, record: Record) -> str:
     rows = f"the same value {value:.6g} {channel.unit}".rstrip() + f" for {len(stretch)} samples in a row"
     at = f"from {record.time_s[stretch.start]:.6g} s"
     return {
-        "rest": f"{rows} {at}, and nothing drives it: a machine at rest; what follows its arrival is left out",
+        "rest": f"{rows} {at}, and no input drives it: a machine at rest; what follows its coming to rest is left out",
         "still": f"{rows} {at}, where the machine may stand (friction, a dead band, a stop, no drive); it is kept",
         "stuck": f"{rows} {at}, where it must have moved: a stuck sensor, or held; these samples are left out",
     }[stretch.kind]

@@ -37,7 +37,7 @@ class Experiment:
 
     def says(self) -> str:
         """Describe it as an instruction."""
-        size = f"{self.amplitude:.3g} {self.unit}".strip()
+        size = f"{self.amplitude:.3g} {self.unit if self.unit != '1' else ''}".strip()
         if self.kind == "ladder":
             return f"step {self.channel} up and down a ladder of {size} a rung, {self.dwell_s:.3g} s each"
         return f"add pseudo-random steps of ±{size} with a dwell of {self.dwell_s:.3g} s to {self.channel}"

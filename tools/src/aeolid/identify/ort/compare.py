@@ -45,7 +45,7 @@ def compare_with_varx(records: Sequence[Record], result: OrtIdentification) -> s
         )  # fmt: skip
         errors = [_error(ort.model, tails), _error(varx.model, _as_inputs(tails))]
     except AeolidError as error:
-        return f"not held against varx with the disturbance as an input: {error}"
+        return f"not compared with varx with the disturbance as an input: {error}"
     said = (
         f"on the held-out last {1 - FIT_PART:.0%} the free-run error of ort is {errors[0]:.3g} standard deviations, "
         f"that of varx with the role 'input' for the disturbance {errors[1]:.3g}"

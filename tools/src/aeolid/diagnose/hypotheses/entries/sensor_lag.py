@@ -21,7 +21,7 @@ _EQUATION = "d({name}_measured)/dt = ({name} - {name}_measured)/tau_s"
 
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
-    return f"the {name} sensor (or its filter) lags by a first-order {v['tau_s']:.3g} s that the model leaves out"
+    return f"the {name} sensor (or its filter) has a first-order lag of {v['tau_s']:.3g} s that the model leaves out"
 
 
 def _attach(site: Site) -> list[Attachment]:

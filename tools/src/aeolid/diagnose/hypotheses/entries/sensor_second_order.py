@@ -29,8 +29,8 @@ _STARTS = tuple((period, zeta) for period in (0.7, 1.5, 3.0, 6.0, 12.0) for zeta
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
     return (
-        f"the {name} sensor (or its filter) answers with {v['omega_rad_s']:.3g} rad/s and damping {v['damping']:.2g};"
-        " the model takes it to be immediate"
+        f"the {name} sensor (or its filter) responds as a second-order system of {v['omega_rad_s']:.3g} rad/s with"
+        f" damping {v['damping']:.2g}; in the model it responds at once"
     )
 
 

@@ -34,6 +34,6 @@ def later_than_a_reading(step: float) -> Callable[[Mapping[str, float]], str]:
         rows = lateness(values) / step
         if rows >= in_force().hypotheses.habit_rows:
             return ""
-        return f"a delay of {rows:.2g} of a sample, below what the sampling itself can explain"
+        return f"a delay of {rows:.2g} samples, less than what the sampling alone can cause"
 
     return credible
