@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,8 @@ from pyarrow import csv
 
 from aeolid.errors import DataError
 from aeolid.formats import read_record
-from aeolid.formats.text import _arrow_reads
+from aeolid.formats.spool import PART_SUFFIX, read_spool
+from aeolid.formats.text import _arrow_reads, read_csv
 from aeolid.record import Channel, Record, Roles
 
 CHANNELS = (Channel("u", "", "input"), Channel("y", "", "output"))
@@ -107,17 +110,56 @@ def test_the_grammar_of_numbers_is_that_of_the_fast_reader(cell: str, decimal: s
     assert _arrow_reads(cell.strip(" \t"), decimal) == read
 
 
-def test_arrow_reads_a_plain_file_without_calling_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its thread reads ahead when a bad cell has ended the work already; a call into Python then aborts the process."""
-    given_to_arrow = []
+def packed(content: bytes) -> bytes:
+    """Pack in two members, as tools that append do."""
+    return gzip.compress(content[:20]) + gzip.compress(content[20:])
+
+
+def given_to_arrow(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Return the list in which every stream is noted that Arrow is to read."""
+    seen: list[object] = []
 
     def remember(source: object, *options: object) -> object:
-        given_to_arrow.append(source)
+        seen.append(source)
         return opened(source, *options)
 
     opened = csv.open_csv
     monkeypatch.setattr(csv, "open_csv", remember)
-    with pytest.raises(DataError):
-        read(tmp_path, "time_s,u,y\n0,1,2\n0.1,x,2\n0.2,1,2\n")
-    assert isinstance(given_to_arrow[0], pa.NativeFile)
-    assert not isinstance(given_to_arrow[0], pa.PythonFile)
+    return seen
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz", f"a{PART_SUFFIX}"])
+def test_arrow_reads_a_file_without_calling_python(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its thread reads ahead when a bad cell has ended the work already; a call into Python then aborts the process."""
+    seen = given_to_arrow(monkeypatch)
+    content = b"time_s,u,y\n0,1,2\n0.1,x,2\n0.2,1,2\n"
+    (tmp_path / name).write_bytes(packed(content) if name.endswith(".gz") else content + b"0.3,1")
+    with pytest.raises(DataError, match="sample 2"):
+        read_csv(tmp_path / name, lambda names, _: names)
+    assert isinstance(seen[0], pa.NativeFile)
+    assert not isinstance(seen[0], pa.PythonFile)
+
+
+def test_a_spool_is_read_without_calling_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = given_to_arrow(monkeypatch)
+    (tmp_path / "spool").write_bytes(b"a,b\n1,2\n3,4\n")
+    assert np.concatenate(list(read_spool(tmp_path / "spool", ["a", "b"]))).tolist() == [[1, 2], [3, 4]]
+    assert not isinstance(seen[0], pa.PythonFile) and isinstance(seen[0], pa.NativeFile)
+
+
+@pytest.mark.parametrize("behind", [b"", bytes(3), bytes(512)])
+def test_zeros_behind_packed_data_are_passed_over(behind: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.csv.gz").write_bytes(packed(b"time_s,u\n0,1\n0.1,2\n0.2,3\n") + behind)
+    assert read_csv(tmp_path / "a.csv.gz", lambda names, _: names).columns["u"].tolist() == [1, 2, 3]
+
+
+DAMAGES: tuple[Callable[[bytes], bytes], ...] = (
+    lambda raw: raw[:-3], lambda raw: raw + b"more", lambda raw: raw[:-8] + b"abcd" + raw[-4:],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("spoil", DAMAGES)
+def test_damaged_packed_data_are_said_to_be_so(spoil: Callable[[bytes], bytes], tmp_path: Path) -> None:
+    (tmp_path / "a.csv.gz").write_bytes(spoil(packed(b"time_s,u\n0,1\n0.1,2\n0.2,3\n")))
+    with pytest.raises(DataError, match="gzip data are cut off or damaged"):
+        read_csv(tmp_path / "a.csv.gz", lambda names, _: names)

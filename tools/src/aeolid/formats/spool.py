@@ -121,8 +121,8 @@ def read_spool(path: Path, names: Sequence[str]) -> Iterator[Array]:
     with open(path, "rb") as handle:
         if len(handle.readline()) == path.stat().st_size:
             return
-        handle.seek(0)
-        for batch in csv.open_csv(handle, read, csv.ParseOptions(newlines_in_values=True), convert):
+    with pa.OSFile(str(path)) as file:  # not a handle of Python, which Arrow's thread would call
+        for batch in csv.open_csv(file, read, csv.ParseOptions(newlines_in_values=True), convert):
             yield np.column_stack([batch.column(key).to_numpy(zero_copy_only=False) for key in keys])
 
 
@@ -147,16 +147,21 @@ class _Whole(io.RawIOBase):
 
 def whole_lines(path: Path) -> BinaryIO:
     """Open a table that may have been cut within its last line: what is not ended by a line end is left out."""
-    size = stop = path.stat().st_size
+    stop = end_of_lines(path)
+    if stop == path.stat().st_size:
+        return open(path, "rb")
+    return cast(BinaryIO, io.BufferedReader(_Whole(path, stop)))
+
+
+def end_of_lines(path: Path) -> int:
+    """Return how many bytes of a file its whole lines take, the last line end included."""
+    stop = path.stat().st_size
     with open(path, "rb") as handle:
         while stop:
             start = max(0, stop - (1 << 16))
             handle.seek(start)
             at = handle.read(stop - start).rfind(b"\n")
             if at >= 0:
-                stop = start + at + 1
-                break
+                return start + at + 1
             stop = start
-    if stop == size:
-        return open(path, "rb")
-    return cast(BinaryIO, io.BufferedReader(_Whole(path, stop)))
+    return 0

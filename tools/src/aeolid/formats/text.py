@@ -6,6 +6,7 @@ import csv
 import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from aeolid.formats.bounds import MOST_LINE, guard_names, guard_size
 from aeolid.formats.clock import date_hint, looks_like_date, seconds_of_dates
 from aeolid.formats.headings import bare_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, is_number_text, positions, text_error
-from aeolid.formats.unpacking import GZIP, bounded_lines, lies_as_it_is, open_text
+from aeolid.formats.unpacking import GZIP, bounded_lines, open_native, open_text, open_unpacked
 from aeolid.inputs import open_regular
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "#N/A", "-nan")
@@ -60,7 +61,10 @@ def read_csv(path: Path, choose: Choose) -> Table:
     wanted = choose(layout.names, None)
     layout = replace(layout, decimal=_decimal(layout, wanted))
     try:
-        columns, begins = _read_columns(path, layout, wanted)
+        try:
+            columns, begins = _read_columns(path, layout, wanted, open_native)
+        except OSError:  # zeros behind packed data, which Arrow does not pass over
+            columns, begins = _read_columns(path, layout, wanted, open_unpacked)
     except ValueError as error:  # what pyarrow raises for bad cells and ragged rows, without the place
         raise _locate(path, layout, wanted, str(error)) from None
     return Table(str(path), layout.names, columns, layout.units, None, layout.skip + 1, begins)
@@ -204,7 +208,9 @@ def _decodes(head: bytes) -> bool:
     return True
 
 
-def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> tuple[dict[str, Array], dict[str, str]]:
+def _read_columns(
+    path: Path, layout: Layout, wanted: tuple[str, ...], opened: Callable[[Path], AbstractContextManager[Any]]
+) -> tuple[dict[str, Array], dict[str, str]]:
     """Return the wanted columns as numbers, those that are dates as seconds, and the instants these count from."""
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
@@ -221,8 +227,7 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> tuple[
     )
     parts: dict[str, list[Any]] = {key: [] for key in keys}
     rows = 0
-    # Arrow reads ahead on a thread of its own, which ends the process with a signal where it calls Python at the end
-    with pa.OSFile(str(path)) if lies_as_it_is(path) else open_text(path) as handle:
+    with opened(path) as handle:
         parse = arrow_csv.ParseOptions(delimiter=layout.delimiter)
         for batch in arrow_csv.open_csv(handle, read, parse, convert):
             rows += batch.num_rows

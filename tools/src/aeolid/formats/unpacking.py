@@ -6,12 +6,13 @@ import gzip
 import io
 import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from aeolid.errors import DataError
 from aeolid.formats.bounds import FACTOR, FLOOR, MIB, MOST_LINE, content_limit
-from aeolid.formats.spool import PART_SUFFIX, whole_lines
+from aeolid.formats.spool import PART_SUFFIX, end_of_lines, whole_lines
 from aeolid.inputs import open_regular
 
 GZIP = b"\x1f\x8b"  # how packed data begin
@@ -31,10 +32,43 @@ def open_text(path: Path) -> BinaryIO:
     return cast(BinaryIO, io.BufferedReader(_Unpacked(path, handle), 1 << 16))
 
 
-def lies_as_it_is(path: Path) -> bool:
-    """Tell whether a text file is neither packed nor under way, so that its bytes are those on the disk."""
+@contextmanager
+def open_native(path: Path) -> Iterator[Any]:
+    """Open a text file as `open_text` does, as a stream of Arrow's own that calls no Python while it is read.
+
+    Arrow reads ahead on a thread of its own, and where that calls Python while the work has ended the process ends with
+    a signal. Packed data are unpacked once before, for their bound and their faults. Raises DataError as `open_text`
+    and reading from it do; where Arrow finds a fault that Python does not, reading raises OSError.
+    """
+    import pyarrow as pa
+
     with open_regular(path) as handle:
-        return not path.name.endswith(PART_SUFFIX) and handle.peek(2)[:2] != GZIP  # type: ignore[attr-defined]
+        packed = handle.peek(2)[:2] == GZIP  # type: ignore[attr-defined] # buffered, by fdopen
+    with ExitStack() as opened:
+        file = opened.enter_context(pa.OSFile(str(path)))
+        if path.name.endswith(PART_SUFFIX):
+            file = opened.enter_context(file.get_stream(0, end_of_lines(path)))
+        elif packed:
+            _require_sound(path)
+            file = opened.enter_context(pa.CompressedInputStream(file, "gzip"))
+        yield file
+
+
+@contextmanager
+def open_unpacked(path: Path) -> Iterator[Any]:
+    """Open the unpacked content of a text file in memory, for what `open_native` fails on: zeros behind packed data."""
+    import pyarrow as pa
+
+    with open_text(path) as handle:
+        content = handle.read()
+    yield pa.BufferReader(content)
+
+
+def _require_sound(path: Path) -> None:
+    """Unpack a file to its end, for the DataError that this raises."""
+    with open_text(path) as handle:
+        while handle.read(MIB):
+            pass
 
 
 def bounded_lines(path: Path, handle: BinaryIO) -> Iterator[bytes]:
