@@ -11,6 +11,8 @@ import report_examples
 from test_report import Text, page_of
 
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.experiments.experiment import Experiment
+from aeolid.diagnose.hypotheses.entries.deadband import _zone
 from aeolid.diagnose.validation.proof import _spectra
 from aeolid.report import render_diagnosis
 from aeolid.report.answer import answer, groups_of, sentence_of, share_of
@@ -205,6 +207,16 @@ def test_the_next_experiment_says_its_time_and_what_it_parts_once() -> None:
     entry = {"text": said, "minutes": 1.0, "separates": ["actuator_lag", "transport_delay"]}
     page = diagnosis_parts({"verdict": "ambiguous", "next_experiment": entry}, {})
     assert "1.00 min" not in page and "It tells apart" not in page
+
+
+def test_reasons_and_units_are_in_words() -> None:
+    why = "damping of actuator_second_order input:pitch is at its end"
+    page = ranking(
+        [{"key": "actuator_second_order input:pitch", "score": 3.0, "plausible": False, "reason": why}], set()
+    )
+    assert "damping of second-order actuator at the input pitch is at its end" in page
+    assert Experiment("throttle", "1", 0.4, "prbs", 0.1).says().startswith("add pseudo-random steps of ±0.4 with")
+    assert _zone("throttle", "", {"width": 0.139}) == "throttle has no effect within ±0.139 of zero (a dead zone)"
 
 
 def test_a_long_title_is_written_on_several_lines() -> None:

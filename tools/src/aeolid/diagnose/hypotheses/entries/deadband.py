@@ -18,11 +18,13 @@ _STARTS = 24
 
 
 def _hold(name: str, unit: str, v: Mapping[str, float]) -> str:
-    return f"{name} stays where it is until the command has moved by {v['width']:.3g} {unit} (a dead band)"
+    return f"{name} stays where it is until the command has moved by {v['width']:.3g} {unit} (a dead band)".replace(
+        "  ", " "
+    )
 
 
 def _zone(name: str, unit: str, v: Mapping[str, float]) -> str:
-    return f"{name} has no effect within ±{v['width']:.3g} {unit} of zero (a dead zone)"
+    return f"{name} has no effect within ±{v['width']:.3g} {unit} of zero (a dead zone)".replace("  ", " ")
 
 
 def _attach(site: Site) -> list[Attachment]:
