@@ -77,8 +77,8 @@ def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None, mo
         top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     whole = f" of {number(float(time[-1] - time[0]))} s" if len(time) > _ZOOM_SAMPLES else ""
     caption = (
-        f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model as it was;"
-        f" blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}"
+        f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model before"
+        f" correction; blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}"
     )
     view = (start, min(start + _ZOOM_SAMPLES, len(time)))
     return zoomed(drawing.svg, caption, time, _panels(name, lines, data.get("unit")), view, most)

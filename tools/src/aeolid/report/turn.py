@@ -56,7 +56,8 @@ def errors_over_turn(errors: Facts) -> Html:
     """Draw what the model leaves over of each output, before and after, averaged over the rotor's angle."""
     caption = (
         "What the predictions on the sealed data leave over (measured less predicted), averaged over the rotor's angle:"
-        f" dashed the model as it was, blue the corrected one; a flat line is nothing.{_READ}"
+        " dashed the model before correction, blue the corrected one; a flat line shows no dependence on the angle."
+        f"{_READ}"
     )
     styles: Mapping[str, Facts] = {
         "before": {"color": charts.BEFORE, "linestyle": (0, (4, 2)), "linewidth": 1.8},

@@ -145,7 +145,7 @@ def _rows_since_missing(y: Array) -> NDArray[np.int64]:
         last += 1
         for a in range(y.shape[1]):
             if not np.isfinite(y[t, a]):
-                last = 0
+                last = np.int64(0)
         since[t] = last
     return since
 
