@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from aeolid.formats.meanings import meaning_of
 from aeolid.identify.modal import Modal, find_modal
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.models.blade_sets import in_fixed_frame
+from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.modes import Mode, continuous_poles, is_widened
 from aeolid.record import Record
 
@@ -54,6 +55,7 @@ class Run:
             "rotor_deviation_hz": self.turning.deviation_hz, "outputs": list(d.outputs),
             "sample_time_s": d.sample_time_s, "past": d.past, "order": d.order,
             "harmonics": [m.to_json() for m in self.modal.modes if m not in self.modal.listed],
+            "notes": list(self.modal.notes),
         }  # fmt: skip
 
 
@@ -110,7 +112,7 @@ class Campbell:
             if some:
                 told = (f"{t.name or 'unnamed'} near {np.mean([m.frequency_hz for m in t.found]):.4g} Hz" for t in some)
                 lines.append(f"{what}: {'; '.join(told)}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(note for r in self.runs for note in r.modal.notes)])
 
 
 def _head(run: Run) -> str:
@@ -149,12 +151,15 @@ def find_campbell(
     """
     if len(records) < LEAST_RUNS:
         raise UsageError("a Campbell diagram takes two recordings or more, at different winds; aeolid modes takes one")
+    known = [without_fill_values([r]) for r in records]
+    records = [record for (record,), _ in known]
     turning = [_turning(r) for r in records]
     factor, runs = decimation_of(records) if decimation is None else decimation, []
-    for record, turns in zip(records, turning, strict=True):
-        still = in_fixed_frame([record], blades)
-        modal = find_modal(still, outputs=outputs, past=past, largest=largest, decimation=factor)
-        runs.append(Run(record.source, modal, turns, _wind(record)))
+    for record, turns, (_, notes) in zip(records, turning, known, strict=True):
+        with told_with(notes):
+            still = in_fixed_frame([record], blades)
+            modal = find_modal(still, outputs=outputs, past=past, largest=largest, decimation=factor)
+        runs.append(Run(record.source, replace(modal, notes=notes), turns, _wind(record)))
     return followed(runs)
 
 

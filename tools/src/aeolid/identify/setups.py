@@ -144,7 +144,8 @@ def gathered(
     names = named([m.mode for m in modes], None)
     modes = [replace(m, mode=mode) for m, mode in zip(modes, names, strict=True)]
     outputs = [*references, *(name for s in setups for name in s.outputs[len(references) :])]
-    notes = [f"set-up {s.number} ({s.source}) shows no mode" for s in setups if not s.modal.listed]
+    notes = [note for s in setups for note in s.modal.notes]
+    notes += [f"set-up {s.number} ({s.source}) shows no mode" for s in setups if not s.modal.listed]
     if len(references) == 1 and _crowded(modes):
         notes.append("with one reference near modes are told apart by frequency alone; two or more are better")
     geometry = united(s.modal.geometry for s in setups)

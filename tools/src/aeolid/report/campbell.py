@@ -7,7 +7,7 @@ from typing import Any
 
 from aeolid.report import charts
 from aeolid.report.campbell_chart import draw, has_wind
-from aeolid.report.markup import Html, figure, section, table, tag, write_page
+from aeolid.report.markup import Html, figure, notes_part, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
 
 Facts = dict[str, Any]
@@ -20,7 +20,8 @@ def render_campbell(facts: Facts, path: str | Path, title: str) -> None:
     write_page(
         path, title, tag("h1", title), tag("p", found), _picture(facts),
         section("Modes", _table(facts, _hertz, "frequency (Hz)"), _table(facts, _damping, "damping (%)"), _note()),
-        section("On the blades", _on_blades(facts)), _others(facts), _recordings(runs),
+        section("On the blades", _on_blades(facts)), _others(facts),
+        notes_part([note for r in runs for note in r["notes"]]), _recordings(runs),
     )  # fmt: skip
 
 

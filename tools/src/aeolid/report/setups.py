@@ -7,7 +7,7 @@ from typing import Any
 
 from aeolid.report.frames import frames_part
 from aeolid.report.identification import mode_table
-from aeolid.report.markup import Html, folded, section, table, tag, write_page
+from aeolid.report.markup import Html, folded, notes_part, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
 from aeolid.report.shapes import shapes_part
 from aeolid.report.stabilisation import criteria_table, diagram_part
@@ -26,7 +26,7 @@ def render_setups(facts: Facts, path: str | Path, title: str) -> None:
     write_page(
         path, title, tag("h1", title), tag("p", found),
         section("Modes", mode_table([(m, None) for m in modes], False)) if modes else None,
-        section("To be noted", tag("ul", *(tag("li", note) for note in notes))) if notes else None,
+        notes_part(notes),
         frames_part(facts), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("What each set-up says", _by_setup(modes, len(setups)), tag("p", _SAYS, class_="soft")),
         *(_setup(i, setup, facts["references"]) for i, setup in enumerate(setups)),

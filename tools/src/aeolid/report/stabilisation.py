@@ -14,7 +14,7 @@ import numpy as np
 
 from aeolid.report.frames import frames_part
 from aeolid.report.identification import mode_table
-from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
+from aeolid.report.markup import Html, figure, join, notes_part, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, with_std
 from aeolid.report.shapes import shapes_part
 
@@ -42,7 +42,7 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
         section("On the blades", _whirls(modes)), frames_part(facts),
         shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
-        section("Criteria", criteria_table(facts)),
+        notes_part(facts.get("notes") or []), section("Criteria", criteria_table(facts)),
     )  # fmt: skip
 
 
