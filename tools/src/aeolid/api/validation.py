@@ -58,7 +58,10 @@ class Validation:
 
     @property
     def verdict(self) -> str | None:
-        """Return the verdict on the innovations: pass, immaterial or fail; None without a noise model."""
+        """Return the verdict on the innovations: pass, immaterial, fail, or undecided where there are too few samples.
+
+        None without a noise model.
+        """
         return None if self.result.residuals is None else self.result.residuals.verdict
 
     @property

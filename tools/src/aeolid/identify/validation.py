@@ -121,9 +121,9 @@ class Validation:
                 lines += [f"  {k:4d} steps  {s.text(name)}" for k, s in self.fit.steps.items()]
         if self.residuals is None:
             return "\n".join([*lines, "no noise model: one-step prediction and residual tests are not available"])
-        lines.append(f"innovations: {self.residuals.verdict} ({len(self.residuals.tests)} tests, level 1 % together)")
+        lines.append(self.residuals.text())
         for test in self.residuals.tests:
-            if test.verdict != "pass":
+            if test.verdict in ("fail", "immaterial"):
                 past = "its own past" if test.against == test.output else f"{test.against}'s past"
                 if test.kind == "feedthrough":
                     past = f"{test.against} of the same sample"
