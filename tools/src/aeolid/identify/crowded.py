@@ -51,8 +51,8 @@ class Crowded:
         """Return why the deviations do not hold."""
         return (
             f"with {self.states} more {'state' if self.states == 1 else 'states'}"
-            f" {pole_words(self.frequency_hz, self.is_real)} moves by {min(self.apart, 999):.0f} standard deviations and"
-            f" the fit gains {self.nats:.0f} nats: two modes may be told as one"
+            f" {pole_words(self.frequency_hz, self.is_real)} moves by {min(self.apart, 999):.0f} standard deviations"
+            f" and the fit gains {self.nats:.0f} nats: two modes may be told as one"
         )
 
     def to_json(self) -> dict[str, Any]:
