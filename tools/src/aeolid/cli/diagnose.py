@@ -251,7 +251,7 @@ def _print_values(effect: dict[str, Any]) -> None:
     """Say the values of an effect, each by what it means, and what to set in which simulator."""
     from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
     from aeolid.report.numbers import OPEN, is_loose
-    from aeolid.wording import plain
+    from aeolid.wording import plain, plus_minus
 
     called = name_of(effect["id"])
     for name, value in effect["parameters"].items():
@@ -262,7 +262,7 @@ def _print_values(effect: dict[str, Any]) -> None:
         elif is_loose(value["value"], value["std"]):
             spread, unit = f"{unit} ({OPEN})", ""
         else:
-            spread = f" ± {value['std']:.2g}"
+            told, spread = plus_minus(value["value"], value["std"]), ""
         meaning = meaning_of(effect["id"], name)
         label = f"{meaning} ({name})" if meaning else name
         console.print(f"  {called}: {label} = {plain(told + spread)}{unit}", soft_wrap=True, markup=False)

@@ -17,7 +17,7 @@ from aeolid.inputs import open_regular
 from aeolid.output import declare, write_json, write_text
 from aeolid.output.ledger import digest
 from aeolid.text_files import MOST_JSON, load_json
-from aeolid.wording import place, plain
+from aeolid.wording import place, plain, plus_minus
 
 TABLE, FACTS = "cases.csv", "cases.json"
 _DONE = "done.json"  # in the folder of a case: what it was diagnosed from
@@ -198,8 +198,8 @@ def show(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
     for heading in ("case", "verdict", "effect", "value"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        spread = "" if row["std"] is None or is_loose(row["value"] or 0.0, row["std"]) else f" ± {row['std']:.2g}"
-        number = "" if row["value"] is None else plain(f"{row['value']:.4g}{spread}")
+        std = None if row["std"] is None or is_loose(row["value"] or 0.0, row["std"]) else row["std"]
+        number = "" if row["value"] is None else plain(plus_minus(row["value"], std))
         value = f"{number} {row['unit'] or ''}".strip() if number else ""
         effect = " ".join(
             part for part in (str(row["effect"] or "").replace("_", " "), place(str(row["where"] or ""))) if part

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, times, with_deviation
+from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, times
+from aeolid.wording import plus_minus
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -174,8 +175,8 @@ def _mode_text(m: dict[str, Any]) -> str:
     """Return a mode in words: its name, frequency and damping in percent."""
     name = f"{m['name']} " if m["name"] else ""
     spread = None if m["damping_std"] is None else 100 * m["damping_std"]
-    hertz = with_deviation(m["frequency_hz"], m["frequency_std_hz"])
-    return f"{name}{hertz} Hz ({with_deviation(100 * m['damping'], spread)} %)"
+    hertz = plus_minus(m["frequency_hz"], m["frequency_std_hz"])
+    return f"{name}{hertz} Hz ({plus_minus(100 * m['damping'], spread)} %)"
 
 
 def _troubles(facts: dict[str, Any]) -> str:

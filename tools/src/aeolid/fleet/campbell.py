@@ -28,6 +28,7 @@ from aeolid.models.blade_sets import in_fixed_frame
 from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.modes import Mode, continuous_poles, is_widened
 from aeolid.record import Record
+from aeolid.wording import plus_minus
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -36,6 +37,7 @@ HIGHEST = 12  # P; up to there the rate is kept: tower, drive train and first bl
 ON_A_LINE = 0.025  # relative distance to a line of the blades' passing, within which a mode may be that line
 DAMPED = 0.3  # beyond which a swing is no mode to follow
 LEAST_RUNS = 2
+_CELL = 17  # letters, at least, of a column of the table
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +103,11 @@ class Campbell:
         """Return the table as text: a column a recording, frequency in Hz with one deviation, damping below."""
         heads = [_head(r) for r in self.runs]
         width = max([len(t.name) for t in self.tracks] + [4])
-        lines = [f"  {'':{width}s}  " + "  ".join(f"{h:>17s}" for h in heads)]
-        lines.append(f"  {'1P':{width}s}  " + "  ".join(f"{_of_rotor(r):>17s}" for r in self.runs))
+        rows = [("", heads), ("1P", [_of_rotor(r) for r in self.runs])]
         for track in self.tracks:
-            for name, row in ((track.name, _hertz), ("", _damping)):
-                lines.append(f"  {name:{width}s}  " + "  ".join(f"{row(m):>17s}" for m in track.modes))
+            rows += [(track.name, list(map(_hertz, track.modes))), ("", list(map(_damping, track.modes)))]
+        wide = max(_CELL, *(len(cell) for _, cells in rows for cell in cells))
+        lines = [f"  {name:{width}s}  " + "  ".join(f"{cell:>{wide}s}" for cell in cells) for name, cells in rows]
         if not self.tracks:
             lines.append("  no mode was found in two recordings; record longer, or lower the rate (--decimate)")
         for what, some in (("found in one recording only", self.single), ("on a line of the rotor", self.lines)):
@@ -120,20 +122,19 @@ def _head(run: Run) -> str:
 
 
 def _of_rotor(run: Run) -> str:
-    return f"{run.turning.frequency_hz:.4f} ± {run.turning.deviation_hz:.4f}"
+    return plus_minus(run.turning.frequency_hz, run.turning.deviation_hz)
 
 
 def _hertz(mode: Mode | None) -> str:
     if mode is None:
         return "–"
-    return f"{mode.frequency_hz:.4f}" + ("" if mode.frequency_std_hz is None else f" ± {mode.frequency_std_hz:.4f}")
+    return plus_minus(mode.frequency_hz, mode.frequency_std_hz)
 
 
 def _damping(mode: Mode | None) -> str:
     if mode is None:
         return ""
-    spread = "" if mode.damping_std is None else f" ± {100 * mode.damping_std:.2f}"
-    return f"{100 * mode.damping:.2f}{spread} %"
+    return f"{plus_minus(100 * mode.damping, None if mode.damping_std is None else 100 * mode.damping_std)} %"
 
 
 def find_campbell(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.fleet.plan import DAY, EPOCH
+from aeolid.wording import plus_minus
 
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
@@ -142,7 +143,7 @@ def say_change(track: Facts) -> str:
     if not onset["from_start"] and bounds[0] < bounds[1]:
         when += f" (95 %: {_when(bounds[0], track)} to {_when(bounds[1], track)})"
     verb = "falls" if onset["change"] < 0 else "rises"
-    size = f"{abs(percent):.2f} ± {spread:.2f} %"
+    size = f"{plus_minus(abs(percent), spread)} %"
     name = track.get("name") or f"mode {track['track']}"
     return f"{track['turbine']}, {name}: {verb} from {before:.4g} Hz by {size} {when}, {track['periods']} periods"
 
