@@ -13,6 +13,7 @@ import pytest
 from rotor_rig import rotor
 
 import aeolid as ae
+from aeolid.cli.common import extent
 from aeolid.cli.main import main
 from aeolid.diagnose.rules import DecisionRules
 from aeolid.errors import DataError
@@ -160,3 +161,10 @@ def test_no_straight_line_leads_to_one(caplog: pytest.LogCaptureFixture) -> None
     found = series_of("rec.mf4", Channel("u", "V", "input"), 0.1 * np.arange(100.0), values)
     assert len(found.values) == 98 and abs(found.values).max() <= 1
     assert "rec.mf4: 2 samples of u read -9999," in caplog.text
+
+
+def test_one_of_a_kind_is_told_in_the_singular() -> None:
+    record = driven().slice(0, 400)
+    (known,), notes = without_fill_values([lost(record, -9999.0, 2, slice(100, 101))])
+    assert "1 sample of y1 reads -9999," in notes[0]
+    assert extent(known).endswith(", 1 cell missing") and ": 1 sample, " in extent(record.slice(0, 1))

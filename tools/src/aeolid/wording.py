@@ -88,6 +88,16 @@ def aligned(numbers: Sequence[str]) -> list[str]:
     return [text.ljust(width) for text in moved]
 
 
+def counted(number: int, noun: str, verbs: tuple[str, str] | None = None) -> str:
+    """Return a count with its noun in the right number, and with the verb of one or of several where they are given.
+
+    >>> counted(1, "sample"), counted(2, "sample"), counted(1, "row", ("is", "are")), counted(0, "row", ("is", "are"))
+    ('1 sample', '2 samples', '1 row is', '0 rows are')
+    """
+    told = f"{number} {noun}{'' if number == 1 else 's'}"
+    return told if verbs is None else f"{told} {verbs[number != 1]}"
+
+
 def spoken(text: str) -> str:
     """Return a sentence with the places in it in words, and numbers as they are read.
 

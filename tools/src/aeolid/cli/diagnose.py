@@ -30,6 +30,7 @@ from aeolid.cli.pools import (
     WorkersOption,
 )
 from aeolid.output import declare, discard, make_folder
+from aeolid.wording import counted
 
 EXAMPLES = (
     "aeolid diagnose my_case --out my_case/diagnosis",
@@ -162,7 +163,7 @@ def _many(cases: list[Path], out: Path, asked: Asked, where: Where, json_target:
     emit_json({"cases": rows}, json_target)
     read = [str(row["verdict"]) for row in rows if row["fault"] is None]
     if not read:
-        raise DataError(f"none of {len(rows)} cases could be read; the first: {rows[0]['fault']}")
+        raise DataError(f"none of {counted(len(rows), 'case')} could be read; the first: {rows[0]['fault']}")
     return read
 
 

@@ -17,7 +17,7 @@ from aeolid.inputs import open_regular
 from aeolid.output import declare, write_json, write_text
 from aeolid.output.ledger import digest
 from aeolid.text_files import MOST_JSON, load_json
-from aeolid.wording import place, plain, plus_minus
+from aeolid.wording import counted, place, plain, plus_minus
 
 TABLE, FACTS = "cases.csv", "cases.json"
 _DONE = "done.json"  # in the folder of a case: what it was diagnosed from
@@ -207,6 +207,6 @@ def show(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
         cells = (row["case"], row["verdict"], effect or row["fault"] or "", value)
         table.add_row(*(Text(str(c)) for c in cells))
     console.print(table)
-    counted = Counter(row["verdict"] for row in rows)
-    told = ", ".join(f"{count} {verdict}" for verdict, count in counted.most_common())
-    console.print(f"{len(rows)} cases: {told}; table: {out / TABLE}", markup=False, soft_wrap=True)
+    verdicts = Counter(row["verdict"] for row in rows)
+    told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
+    console.print(f"{counted(len(rows), 'case')}: {told}; table: {out / TABLE}", markup=False, soft_wrap=True)

@@ -20,6 +20,7 @@ from aeolid.cli.common import (
 )
 from aeolid.errors import UsageError
 from aeolid.output import declare
+from aeolid.wording import counted
 
 EXAMPLES = ("aeolid simulate model.json tuesday.csv --roles roles.toml --out simulated.csv",)
 
@@ -67,7 +68,10 @@ def simulate(
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording), "samples": len(record)}
     facts |= {"outputs": names, "divergence": None if wild is None else wild.to_json()}
     facts["notes"] = list(run.notes)
-    lines, left = [f"{len(record)} samples written to {out}", *run.notes], " Values that are not finite are left empty."
+    lines, left = (
+        [f"{counted(len(record), 'sample')} written to {out}", *run.notes],
+        " Values that are not finite are left empty.",
+    )
     warning = "" if wild is None else f"WARNING: {wild.text()}" + ("" if finite.all() else left)
     lines += [warning] if warning else []
     if run.start:

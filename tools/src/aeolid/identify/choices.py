@@ -20,6 +20,7 @@ from aeolid.identify.windows import Scaling, find_scaling, require_windows
 from aeolid.models.modes import Mode
 from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Result = TypeVar("Result")
 CONFIRMED = (
@@ -109,7 +110,10 @@ def _say_short(records: Sequence[Record], past: int) -> list[str]:
     short = sum(len(r) <= past for r in records)
     if not short:
         return []
-    return [f"{short} of {len(records)} recordings are no longer than the past window of {past} samples: not used"]
+    return [
+        f"{short} of {counted(len(records), 'recording', ('is', 'are'))} no longer than the past window of "
+        f"{past} samples: not used"
+    ]
 
 
 def _said(tested: tuple[Feedthrough, ...], missing: tuple[Feedthrough, ...], auto: bool) -> list[str]:

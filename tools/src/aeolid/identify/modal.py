@@ -39,6 +39,7 @@ from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import Shape, index_of_reference
 from aeolid.models.wire_frame import complexity_lines, geometry_facts
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -100,7 +101,7 @@ class Modal:
             *mode_lines(self.modes, h),
             *self._shape_lines(),
             *complexity_lines(self.geometry, self.listed),
-            f"{len(self.spurious)} clusters of poles come and go with order and window: spurious",
+            f"{counted(len(self.spurious), 'cluster')} of poles that come and go with order and window: spurious",
             *self._unsettled_lines(),
         ]
         if not self.listed:

@@ -12,6 +12,7 @@ from scipy.special import chdtrc
 
 from aeolid.identify.correlation import Spaced, explained_share, whiten
 from aeolid.identify.feedthrough import LOOP_LEVEL, lag_zero, loop_p_value
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 AT_ONCE = 0.2  # of an innovation's variance: less may be a loop within the sample that its past does not show
@@ -74,7 +75,7 @@ class ResidualReport:
         if self.verdict == "undecided":
             few = f"too few samples: {self.samples}, of {self.needed} that are needed"
             return f"innovations: not decided ({few} for tests over {self.lags} lags)"
-        return f"innovations: {self.verdict} ({len(self.tests)} tests, level 1 % together)"
+        return f"innovations: {self.verdict} ({counted(len(self.tests), 'test')}, level 1 % together)"
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as JSON facts."""

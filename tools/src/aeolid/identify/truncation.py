@@ -23,6 +23,7 @@ from aeolid.identify.subspace import StateBasis, find_states, largest_useful_ord
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import WindowFactor
 from aeolid.models.modes import pole_words
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -145,8 +146,8 @@ def _too_short(
     else:
         found = f"{pole} differs by {min(apart, 999):.0f} standard deviations"
     return (
-        f"the past window of {short.past} samples ({short.past * step:.4g} s; the slowest period is near "
-        f"{2 * np.pi * step / max(slowest, 1e-9):.3g} s) is too short: with {long.past} samples {found}; "
+        f"the past window of {counted(short.past, 'sample')} ({short.past * step:.4g} s; the slowest period is near "
+        f"{2 * np.pi * step / max(slowest, 1e-9):.3g} s) is too short: with {counted(long.past, 'sample')} {found}; "
         "standard deviations do not hold"
     )
 

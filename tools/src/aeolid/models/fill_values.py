@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError, NotIdentifiable
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -82,8 +83,8 @@ def _say(record: Record, name: str, value: float, count: int) -> str:
 
 def sentence(source: str, name: str, value: float, count: int) -> str:
     """Return the sentence on the samples of a channel that read a fill value."""
-    samples, count_as = ("sample", "reads") if count == 1 else ("samples", "read")
     return (
-        f"{source}: {count} {samples} of {name} {count_as} {value:g}, which loggers write where they "
+        f"{source}: {counted(count, 'sample')} of {name} {'reads' if count == 1 else 'read'} {value:g}, which "
+        "loggers write where they "
         "have no measurement, far from all others: taken for missing"
     )

@@ -14,7 +14,7 @@ from aeolid.report.pair import sides
 from aeolid.report.ranking import Named, called, label_of, ranking
 from aeolid.report.turn import NOT_DRAWN, both_over_turn, errors_over_turn, turns_with_rotor
 from aeolid.report.where import maps
-from aeolid.wording import place
+from aeolid.wording import counted, place
 
 Facts = dict[str, Any]
 
@@ -160,7 +160,8 @@ def _not_excluded(entries: list[Facts]) -> Html:
     rest = f"These data say nothing about: {', '.join(silent)}." if silent else None
     return section(
         "What this recording cannot exclude",
-        tag("p", f"{len(rows)} effects may be present below a size that would have been found.") if rows else None,
+        tag("p", f"{counted(len(rows), 'effect')} may be present below a size that would have been "
+            "found.") if rows else None,
         folded("The sizes", table(["effect", "where", "of", "#smallest size that would have been found"], rows)),
         tag("p", rest) if rest else None,
     )  # fmt: skip

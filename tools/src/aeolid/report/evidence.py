@@ -13,7 +13,7 @@ from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import is_open, number, percent, unit_of, with_std
 from aeolid.report.ranking import called, label_of
 from aeolid.report.zoom import MOST_SAMPLES, Line, Panel, zoomed
-from aeolid.wording import spoken
+from aeolid.wording import counted, spoken
 
 Facts = dict[str, Any]
 _ZOOM_SAMPLES = 400  # what can be followed by eye on the width of a page
@@ -159,13 +159,14 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
     ]  # fmt: skip
     head = ["effect", "#statistic", "#p value", "#one-step estimate", "#smallest found", "unit", "in the catalogue"]
     caption = (
-        f"{len(bank)} effects tried. A score asks of an effect of size zero whether it is worth a fit; it names"
+        f"{counted(len(bank), 'effect')} tried. A score asks of an effect of size zero whether it is worth a "
+        "fit; it names"
         " nothing: what the fitted effect gains does. Right of its orange tick a score is beyond what chance gives;"
         " blue: named above. What the model's own parameters could imitate has been projected out."
     )
     if len(shown) < len(bank):
         caption += f" Shown: the {_MOST_BARS} that speak loudest, and what is named."
-    numbers = folded(f"The numbers of {len(rows)} effects", table(head, rows))
+    numbers = folded(f"The numbers of {counted(len(rows), 'effect')}", table(head, rows))
     return section("What was worth a fit: every effect's score", figure(drawing.svg, caption), numbers)
 
 

@@ -11,6 +11,7 @@ from aeolid.report.markup import Html, folded, notes_part, section, table, tag, 
 from aeolid.report.numbers import number, with_std
 from aeolid.report.shapes import shapes_part
 from aeolid.report.stabilisation import criteria_table, diagram_part
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 
@@ -18,7 +19,7 @@ Facts = dict[str, Any]
 def render_setups(facts: Facts, path: str | Path, title: str) -> None:
     """Write one page from the facts of merged set-ups (`MergedModal.to_json`)."""
     modes, setups = facts["modes"], facts["setups"]
-    found = f"{len(modes)} mode{'s' if len(modes) != 1 else ''} of {len(facts['outputs'])} sensors in {len(setups)} "
+    found = f"{counted(len(modes), 'mode')} of {counted(len(facts['outputs']), 'sensor')} in {len(setups)} "
     found += f"set-ups, merged by the references {', '.join(facts['references'])}"
     order = facts["order"]
     found += ", mode by mode (PoSER)." if order is None else f", to one realisation of {order} states (PreGER)."
