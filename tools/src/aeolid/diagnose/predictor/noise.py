@@ -119,11 +119,7 @@ def filter_var(e: Array, var: Array) -> Array:
 
 def touched(y: Array, order: int) -> NDArray[np.bool_]:
     """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it."""
-    missing = ~np.all(np.isfinite(y), axis=1)
-    result: NDArray[np.bool_] = missing.copy()
-    for i in range(1, order + 1):
-        result[i:] |= missing[:-i]
-    return result
+    return _rows_since_missing(y) <= order
 
 
 def scored_rows(y: Array, order: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -133,11 +129,25 @@ def scored_rows(y: Array, order: int) -> tuple[NDArray[np.bool_], NDArray[np.boo
     that leaves half of them; the same rows whatever the order. Lags are not known before the first row and where a
     measurement is missing.
     """
-    measured = np.all(np.isfinite(y), axis=1)
-    known = ~touched(y, _BEHIND)
-    if np.sum(known) < 0.5 * np.sum(measured):
+    since = _rows_since_missing(y)
+    measured, known, early = since > 0, since > _BEHIND, since <= order
+    if np.count_nonzero(known) < 0.5 * np.count_nonzero(measured):
         known = measured
-    return known, touched(y, order) | (np.arange(len(y)) < order)
+    early[:order] = True
+    return known, early
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _rows_since_missing(y: Array) -> NDArray[np.int64]:
+    """Return how many rows ago a measurement of y (N, l) was last missing, 0 where it is; large where none was."""
+    since, last = np.empty(len(y), np.int64), np.int64(1) << 62
+    for t in range(len(y)):
+        last += 1
+        for a in range(y.shape[1]):
+            if not np.isfinite(y[t, a]):
+                last = 0
+        since[t] = last
+    return since
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

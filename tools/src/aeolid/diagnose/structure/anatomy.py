@@ -167,7 +167,7 @@ def motions_of_state_space(
             Motion(
                 f"mode:{hertz} Hz", ast.Name(id=f"{tag}_velocity"), ast.Name(id=f"{tag}_position"),
                 force_on_states(tag, push * model.sample_time_s, feels, converted), "acceleration",
-                f"{base_unit(model.outputs[j].unit)}/s^2",
+                acceleration_unit(model.outputs[j].unit),
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
                 ast.Name(id=f"{tag}_acceleration"), None, base_unit(model.outputs[j].unit), model.outputs[j].name,
             )
@@ -206,6 +206,19 @@ def base_unit(unit: str) -> str:
         return of_seconds[1] or "1"
     of_others = 1 if re.search(r"/\s*(min|h)$", plain) or plain in ("kn", "mph") else _derivative_order(plain)
     return plain + ("", " s", " s^2")[of_others]
+
+
+def acceleration_unit(unit: str) -> str:
+    """Return the unit of the acceleration that belongs to a position, a velocity or an acceleration.
+
+    >>> [acceleration_unit(u) for u in ("mm/s", "rad/s^2", "rpm", "g", "N/m", "")]
+    ['mm/s^2', 'rad/s^2', 'rpm/s', 'g', 'N/m/s^2', '1/s^2']
+    """
+    base = base_unit(unit)
+    for integrals, rest in ((" s^2", ""), (" s", "/s")):
+        if base.endswith(integrals):
+            return base.removesuffix(integrals) + rest
+    return f"{base}/s^2"
 
 
 def linear_in(row: Array, model: Equations) -> ast.expr:
