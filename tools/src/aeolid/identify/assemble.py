@@ -279,7 +279,10 @@ def with_start(model: StateSpace, records: Sequence[Record]) -> StateSpace:
 def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) -> tuple[str, ...]:
     notes = []
     if factor.skipped:
-        notes.append(f"{counted(factor.skipped, 'window')} with a missing sample left out, {factor.windows} used")
+        notes.append(
+            f"{counted(factor.skipped, 'window')} with a missing sample "
+            f"{'was' if factor.skipped == 1 else 'were'} left out, {factor.windows} used"
+        )
     if estimate.rank < estimate.regressors:
         notes.append(
             f"the data tell {estimate.rank} of {estimate.regressors} regressors apart (fewer noise sources than "

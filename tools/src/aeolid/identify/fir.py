@@ -222,7 +222,10 @@ def _in_units(theta: Array, scaling: Scaling, past: int) -> Array:
 def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) -> tuple[str, ...]:
     notes, p = [], factor.past
     if factor.skipped:
-        notes.append(f"{counted(factor.skipped, 'window')} with a missing sample left out, {factor.windows} used")
+        notes.append(
+            f"{counted(factor.skipped, 'window')} with a missing sample "
+            f"{'was' if factor.skipped == 1 else 'were'} left out, {factor.windows} used"
+        )
     if estimate.rank < estimate.regressors:
         notes.append(
             f"the inputs tell {estimate.rank} of {estimate.regressors} regressors apart; "

@@ -313,7 +313,10 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     if data.skipped:
-        notes.append(f"{counted(data.skipped, 'window')} with a missing sample left out, {data.windows} used")
+        notes.append(
+            f"{counted(data.skipped, 'window')} with a missing sample "
+            f"{'was' if data.skipped == 1 else 'were'} left out, {data.windows} used"
+        )
     if settings.offsets:
         notes.append("signals are taken about their mean, with a free constant for each scheduling entry")
     if any(map(angle_of, settings.scheduling)):

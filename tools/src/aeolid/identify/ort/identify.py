@@ -258,7 +258,10 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [test.text for test in tests if test.alarms]
     if factor.skipped:
-        notes.append(f"{counted(factor.skipped, 'window')} with a missing sample left out, {factor.windows} used")
+        notes.append(
+            f"{counted(factor.skipped, 'window')} with a missing sample "
+            f"{'was' if factor.skipped == 1 else 'were'} left out, {factor.windows} used"
+        )
     if condition > ILL_CONDITIONED:
         notes.append(
             f"the disturbance hardly moves in some directions of the windows (condition {condition:.0e}): its part of "
