@@ -58,6 +58,22 @@ def test_an_empty_table_has_its_columns():
     assert list(modes_table(())[:0].to_frame().columns) == list(full.columns)
 
 
+def test_real_poles_have_a_time_constant_and_neither_frequency_nor_damping():
+    """A decay of 8 s, a growth, an integrator; beside a mode whose deviations are not known."""
+    slow = 1 / (2 * np.pi * 8.0)
+    modes = [
+        Mode(0.0, 0.0, 1 + 0j, None, None, {"y": 1.0}), Mode(slow, 1.0, 0.9 + 0j, 0.1 * slow, 0.0, {"y": 1.0}),
+        Mode(slow, -1.0, 1.1 + 0j, None, None, {"y": 1.0}), Mode(0.3, 0.05, 0.9 + 0.2j, None, None, {"y": 1.0}),
+    ]  # fmt: skip
+    frame = modes_table(modes).to_frame()
+    numbers = [name for name in frame.columns if name.endswith(("_hz", "_s")) or name.startswith("damping")]
+    assert all(frame[name].dtype == float for name in numbers) and len(numbers) == 6
+    assert frame["frequency_hz"].isna().tolist() == frame["damping"].isna().tolist() == [True, True, True, False]
+    np.testing.assert_allclose(frame["time_constant_s"], [np.inf, 8.0, -8.0, np.nan])
+    np.testing.assert_allclose(frame["time_constant_std_s"], [np.nan, 0.8, np.nan, np.nan])
+    assert "time_constant_s" in modes_table(modes)._repr_html_()
+
+
 def test_frequencies_of_a_model_of_continuous_time_are_those_of_its_poles():
     """A mode at 3 kHz, a decay of an hour and an integrator: the range ends a decade beyond the first two."""
     base = fourth_order()

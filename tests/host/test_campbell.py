@@ -101,6 +101,7 @@ def run_of(speed_hz: float, modes: list[Mode]) -> Run:
     scaling = SimpleNamespace(outputs=outputs, scale=np.ones(3))
     every = with_whirl(modes, speed_hz)
     modal: Any = SimpleNamespace(
+        notes=(),
         listed=tuple(m for m in every if not m.rotor_order), modes=every,
         diagram=SimpleNamespace(scaling=scaling, sample_time_s=STEP, outputs=outputs, past=8, order=8),
         sources=({"source": str(speed_hz)},),

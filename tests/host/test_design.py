@@ -119,7 +119,7 @@ def test_settings_are_those_of_the_command():
 def test_arguments_of_other_types_are_refused(model):
     with pytest.raises(ae.UsageError, match="bound is a list"):
         ae.design(model, bound=["pitch"], duration=300)
-    for wrong in ({"duration": "300"}, {"duration": 300, "seed": True}, {"duration": 300, "past": "20"}):
+    for wrong in ({"duration": [300]}, {"duration": 300, "seed": True}, {"duration": 300, "past": "20"}):
         with pytest.raises(ae.UsageError, match="a number is needed"):
             ae.design(model, bound={"pitch": 1}, **wrong)
 
@@ -139,3 +139,15 @@ def test_a_signal_nobody_asked_for_is_left_out(model, tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     assert main(["design", str(model), *SHORT, "--out", "e.csv"]) == 0
     assert "--band" not in capsys.readouterr().err
+
+
+def test_python_takes_times_as_the_command_does(model):
+    loaded = ae.load_model(model)
+    one, other = (
+        ae.design(loaded, bound={name: 1.0}, duration=length, signal="multisine", sample_time=step)
+        for name in loaded.inputs[:1] for length, step in ((60.0, None), ("1min", f"{1000 * loaded.sample_time_s:g}ms"))
+    )  # fmt: skip
+    np.testing.assert_array_equal(one.result.signals.values, other.result.signals.values)
+    for argument in ("duration", "clock", "sample_time"):
+        with pytest.raises(ae.UsageError, match=f"{argument} = 'soon' is no length of time"):
+            ae.design(loaded, bound={loaded.inputs[0]: 1.0}, **({"duration": 60} | {argument: "soon"}))

@@ -146,7 +146,7 @@ def test_rotor_speeds_are_averaged_over_samples():
 def test_the_order_of_the_true_system_is_chosen(plan):
     records = [simulate_fourth_order(2000, seed, feedback=0.25) for seed in range(4)]
     order, reason = choose_common_order([merge_all(summarise(r, PAST) for r in records)], plan)
-    assert order == 4 and reason.startswith("order 4: ") and reason.endswith(", 1 periods")
+    assert order == 4 and reason.startswith("order 4: ") and reason.endswith(", 1 period")
     with pytest.raises(NotIdentifiable, match="no period carries a choice"):
         choose_common_order([summarise(records[0].slice(0, 60), PAST)], plan)
 

@@ -366,7 +366,7 @@ def test_nothing_usable_ends_with_code_3(folder, tmp_path, capsys):
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "a.csv").write_text("time_s,u1\n0,1\n1,2\n")
     assert command(folder, tmp_path / "out", str(tmp_path / "data"), "--workers", "1") == 3
-    assert "nothing usable in 1 recordings" in capsys.readouterr().err
+    assert "nothing usable in 1 recording," in capsys.readouterr().err
     assert command(folder, tmp_path / "out", str(tmp_path / "none")) == 3
     assert "no recording there" in capsys.readouterr().err
 

@@ -9,10 +9,11 @@ from aeolid.identify.correlation import Spaced, lagged_correlation, whiten
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.validation import validate_model
+from aeolid.models.gap_gains import CHUNK, FADED, GapGains
 from aeolid.models.load import LinearModel
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.model_file import Signal
-from aeolid.models.prediction import bridged_stretches, estimate_initial_state, predict
+from aeolid.models.prediction import bridged_stretches, estimate_initial_state, predict, predictor_states
 from aeolid.models.state_space import StateSpace
 from aeolid.plants.lti import fourth_order
 from aeolid.record import Channel, Record
@@ -115,9 +116,73 @@ def test_a_first_state_is_found_over_gaps():
     np.testing.assert_allclose(estimate_initial_state(model, u, y), x0, atol=1e-9)
 
 
-def test_a_scheduled_predictor_runs_over_gaps_too():
+def by_hand(A, C, K, R, known):
+    """Return the gain of each sample, (N, n, l), by the filter with the rows of the outputs that are there alone."""
+    out, P = [], np.zeros(A.shape[1:])
+    for k, seen in enumerate(known):
+        G = np.zeros_like(K[k])
+        Cs, noise = C[k][seen], K[k] @ R @ K[k].T
+        S = Cs @ P @ Cs.T + R[np.ix_(seen, seen)]
+        G[:, seen] = (A[k] @ P @ Cs.T + (K[k] @ R)[:, seen]) @ np.linalg.inv(S)
+        P = A[k] @ P @ A[k].T + noise - G[:, seen] @ S @ G[:, seen].T
+        if np.linalg.norm(P) <= FADED * np.linalg.norm(noise):
+            P = np.zeros_like(P)
+        out.append(G)
+    return np.array(out)
+
+
+def gappy_system(samples, seed, changing):
+    """Return A, C, K of each sample, R, and which of two outputs are there: 5 % of the numbers are not, 50 in a row."""
+    random, model = np.random.default_rng(seed), fourth_order()
+    wave = 1 + 0.05 * np.sin(0.01 * np.arange(samples))[:, None, None] * changing
+    A, C, K = (M * wave for M in (model.A, model.C, model.K))
+    known = random.random((samples, 2)) > 0.05
+    known[100:150, 0] = False
+    known[1000:1400] = True
+    return A, C, K, np.array([[0.5, 0.2], [0.2, 0.3]]), known
+
+
+@pytest.mark.parametrize("changing", [False, True])
+def test_gains_are_those_of_the_filter_with_the_outputs_that_are_there(changing, monkeypatch):
+    """In parts of any length, and after some thousand samples in the compiled loop, which takes the same steps."""
+    A, C, K, R, known = gappy_system(3 * CHUNK, 2, changing)
+    expected, solved = by_hand(A, C, K, R, known), []
+    solve = np.linalg.solve
+    monkeypatch.setattr(np.linalg, "solve", lambda *a: (solved.append(1), solve(*a))[1])
+    gaps = GapGains(R, 4)
+    cuts = [(0, 120), (120, 1100), (1100, len(known))]
+    one = (lambda a, b: (A[a:b], C[a:b], K[a:b])) if changing else (lambda a, b: (A[0], C[0], K[0]))
+    found = np.concatenate([gaps.around(*one(a, b), known[a:b]) for a, b in cuts])
+    assert abs(found - expected).max() <= 1e-12 * abs(expected).max()
+    assert 0 < len(solved) <= CHUNK + 1100
+
+
+def test_the_predictor_over_many_gaps_is_the_plain_recursion():
+    model, random = fourth_order(), np.random.default_rng(3)
+    A, C, K, R, known = gappy_system(6000, 4, False)
+    model = replace(model, innovation_covariance=R)
+    u, y = random.standard_normal((6000, 2)), np.where(known, random.standard_normal((6000, 2)), np.nan)
+    x = [np.ones(4)]
+    for k, G in enumerate(by_hand(A, C, K, R, known)):
+        error = np.where(known[k], y[k] - model.C @ x[k] - model.D @ u[k], 0.0)
+        x.append(model.A @ x[k] + model.B @ u[k] + G @ error)
+    found = predictor_states(model, u, y, np.ones(4))
+    assert abs(found - x).max() <= 1e-12 * abs(np.array(x)).max()
+
+
+def test_what_overflows_beside_a_gap_ends_in_no_error():
+    """A mode that grows and that no output shows: its covariance leaves all bounds in either loop."""
+    A, C = np.diag([0.5, 9.0]), np.array([[1.0, 0.0]])
+    known = np.ones((3 * CHUNK, 1), dtype=bool)
+    known[5] = False
+    found = GapGains(np.eye(1), 2).around(A, C, np.array([[0.1], [0.1]]), known)
+    assert len(found) == len(known) and np.isfinite(found[:6]).all()
+
+
+@pytest.mark.parametrize("covariance", [None, np.array([[SIGMA**2]])])
+def test_a_scheduled_predictor_runs_over_gaps_too(covariance):
     """A scheduled model that does not vary is the linear one, whose gain stays where its covariance is not known."""
-    linear = replace(slow_model(), innovation_covariance=None)
+    linear = replace(slow_model(), innovation_covariance=covariance)
     record = drawn(linear, 800, 5)
     scheduled = replace(
         record, values=np.column_stack([record.values, np.linspace(-1, 1, 800)]),
@@ -129,7 +194,7 @@ def test_a_scheduled_predictor_runs_over_gaps_too():
 
     model = LpvStateSpace(
         still(linear.A), still(linear.B), still(linear.C), still(linear.D), still(linear.K), np.zeros((2, 4)),
-        np.zeros(4), None, STEP, linear.inputs, linear.outputs, linear.states, (Signal("s"),),
+        np.zeros(4), covariance, STEP, linear.inputs, linear.outputs, linear.states, (Signal("s"),),
     )  # fmt: skip
     gappy = without(scheduled, np.s_[::13])
     fit, u = measure_lpv_fit(model, [gappy])

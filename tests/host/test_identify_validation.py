@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+import aeolid as ae
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.correlation import whiten
 from aeolid.identify.fit import measure_fit
@@ -147,3 +149,29 @@ def test_diverging_model_is_not_a_number_in_json_but_null():
     result = validate_model(LinearModel(replace(wild, K=None)), record)
     assert result.to_json()["free_run"]["vaf"]["y1"] is None
     assert result.free_run.text("y1") == "diverges"
+
+
+def test_too_few_samples_decide_nothing_and_a_fail_among_them_stands():
+    """Over 19 samples not even a memory that explains half of the innovations is found in one of 50 recordings."""
+    random, found = np.random.default_rng(4), []
+    for _ in range(50):
+        e = lfilter([1.0], [1.0, -np.sqrt(0.5)], random.standard_normal((19, 1)), axis=0)
+        found.append(run_residual_tests(e, random.standard_normal((19, 1)), ("y",), ("u",)).verdict)
+    assert set(found) == {"undecided"}
+    e, u = random.standard_normal((99, 1)), random.standard_normal((99, 1))
+    report = run_residual_tests(e, u, ("y",), ("u",))
+    assert report.verdict == "undecided" and (report.samples, report.needed) == (99, 100)
+    assert {t.verdict for t in report.tests} == {"undecided"}
+    assert run_residual_tests(np.cumsum(e, axis=0), u, ("y",), ("u",)).verdict == "fail"
+    longer = run_residual_tests(np.append(e, [[0.0]], axis=0), np.append(u, [[0.0]], axis=0), ("y",), ("u",))
+    assert longer.verdict == "pass"
+
+
+def test_a_short_validation_says_in_all_forms_that_nothing_is_decided():
+    record = simulate_fourth_order(19, 7)
+    result = validate_model(LinearModel(fourth_order()), record)
+    assert "innovations: not decided (too few samples: 19, of 120 that are needed" in result.summary()
+    facts = result.to_json()["residuals"]
+    assert (facts["verdict"], facts["samples"], facts["needed"]) == ("undecided", 19, 120)
+    told = ae.validate(ae.LinearModel(fourth_order()), ae.Record.of_core(record))
+    assert told.verdict == "undecided" and "innovations undecided" in repr(told)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from aeolid.api.diagnosis import Effect
+from aeolid.fleet import campbell
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.free_run_reason import disturbance_variance, free_run_reason
 from aeolid.identify.mode_names import mode_lines, named
@@ -14,6 +17,7 @@ from aeolid.models.modes import Mode, mark_harmonics, modes_of
 from aeolid.models.state_space import Signal, StateSpace
 from aeolid.record import Channel, Record
 from aeolid.report.identification import render_identification
+from aeolid.report.numbers import with_std
 
 STEP = 0.1
 OUTPUTS = ("generator_speed", "tower_acc_fore_aft", "tower_acc_side_side", "flap_moment_1")
@@ -109,3 +113,30 @@ def test_a_poor_free_run_says_whose_fault_it_is(gain: float, told: str) -> None:
     (line,) = free_run_reason(model, fit, ("pitch",))
     assert told in line and "speed (" in line
     assert free_run_reason(model, replace(fit, one_step=fit.free_run), ("pitch",)) == []
+
+
+def test_deviations_have_two_digits_and_values_end_where_they_do() -> None:
+    """A deviation below one of the fourth decimal was told as ± 0.0000."""
+    slow = replace(mode(0.330123, 0.0123, "tower_acc_fore_aft"), frequency_std_hz=3.14e-5, damping_std=0.0021)
+    fast = replace(mode(12.3456, 0.02, "flap_moment_1"), frequency_std_hz=0.0996, damping_std=4e-6)
+    lines = mode_lines([slow, fast])
+    assert "0.330123 ± 0.000031" in lines[1] and "0.0123 ± 0.0021" in lines[1]
+    assert "12.35 ± 0.10" in lines[2] and "0.0200000 ± 0.0000040" in lines[2]
+    assert lines[1].index(".") == lines[2].index(".") and "± 0.0000 " not in "".join(lines)
+    ends = [line.index("tower_acc_fore_aft (") for line in lines[1:2]] + [lines[2].index("flap_moment_1 (")]
+    assert ends[0] == ends[1] == lines[0].index("mostly in")
+
+
+def test_a_time_constant_ends_where_its_deviation_does() -> None:
+    real = replace(mode(0.02, 1.0, "generator_speed"), frequency_std_hz=0.00021)
+    assert "real poles: 7.958 ± 0.084 s" in mode_lines([real])[0]
+
+
+def test_no_table_or_sentence_tells_a_deviation_of_nothing() -> None:
+    found = Mode(0.330123, 0.0123, 0.9 + 0.2j, 3.14e-5, 2.1e-7, {"y": 1.0})
+    assert campbell._hertz(found) == "0.330123 ± 0.000031"
+    assert campbell._damping(found) == "1.230000 ± 0.000021 %"
+    assert Effect("x", "", "", {"k": {"value": 2.0, "std": 3e-7, "unit": "1"}}, "", 1.0, ()).told() == [
+        "k = 2.00000000 ± 0.00000030"
+    ]
+    assert with_std(0.5, 0.0996) == "0.50 ± 0.10"

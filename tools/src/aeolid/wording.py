@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 
 from aeolid.display import token
@@ -16,6 +16,8 @@ _PLAIN = {"recording": "in the recording", "data": "in the recording", "rotor": 
 _WRITTEN = re.compile(r"(?:\b(?:at|in|of) )?\b(input|output|state|mode|motion|shaft|parameter):(\d[\d.e+-]* Hz|[\w-]+)")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER = re.compile(r"(?<![\w.])-?\d(?:\.\d+)?e([+-]\d+)\b")
+MOST_DECIMALS = 9  # of a value beside its deviation
+_LARGE = 1e6  # from which values are told by powers of ten, or as a few digits
 _WRITTEN_OUT = 9  # powers of ten from which a number is not written out
 _COMPARED = 100  # characters of a name that is compared with others
 _LIKE = 0.6  # share of letters in the same order from which two names are alike (difflib's own)
@@ -73,6 +75,57 @@ def odds(gain: float) -> str:
     ratio = math.exp(abs(gain))
     told = f"{ratio:.2g}" if ratio < 100 else f"{float(f'{ratio:.2g}'):,.0f}"
     return f"odds {told} : 1" if gain >= 0 else f"odds 1 : {told}"
+
+
+def plus_minus(value: float, deviation: float | None, digits: int = 4) -> str:
+    """Return a value ± its standard deviation: two digits of that, and the value to the same decimal place.
+
+    Without a deviation above zero `digits` of the value; as five and two digits where it takes more than 9 decimals, or
+    one of them is of 10⁶ or more.
+
+    >>> plus_minus(0.33012, 0.00087), plus_minus(0.33, 0.0996), plus_minus(1791.3, 112.0)
+    ('0.33012 ± 0.00087', '0.33 ± 0.10', '1790 ± 110')
+    >>> plus_minus(0.33012, 2e-9), plus_minus(2.0, None)
+    ('0.33012 ± 2e-09', '2')
+    """
+    if deviation is None or not 0 < deviation < math.inf or not math.isfinite(value):
+        return f"{value:.{digits}g}"
+    place = last_place(deviation)
+    if place < -MOST_DECIMALS or abs(value) >= _LARGE or deviation >= _LARGE:
+        return f"{value:.{digits + 1}g} ± {deviation:.2g}"
+    decimals = max(-place, 0)
+    return f"{round(value, -place):.{decimals}f} ± {round(deviation, -place):.{decimals}f}"
+
+
+def last_place(deviation: float) -> int:
+    """Return the power of ten of the second digit of a standard deviation above zero, as it is rounded.
+
+    >>> last_place(0.0212), last_place(0.0996), last_place(1300.0)
+    (-3, -2, 2)
+    """
+    return int(f"{deviation:.1e}".partition("e")[2]) - 1
+
+
+def aligned(numbers: Sequence[str]) -> list[str]:
+    """Return numbers as a column of one width, their decimal points below each other.
+
+    >>> aligned(["0.330 ± 0.012", "12.5"])
+    [' 0.330 ± 0.012', '12.5          ']
+    """
+    whole = [len(text.partition(" ")[0].partition(".")[0]) for text in numbers]
+    moved = [" " * (max(whole) - own) + text for own, text in zip(whole, numbers, strict=True)]
+    width = max(map(len, moved), default=0)
+    return [text.ljust(width) for text in moved]
+
+
+def counted(number: int, noun: str, verbs: tuple[str, str] | None = None) -> str:
+    """Return a count with its noun in the right number, and with the verb of one or of several where they are given.
+
+    >>> counted(1, "sample"), counted(2, "sample"), counted(1, "row", ("is", "are")), counted(0, "row", ("is", "are"))
+    ('1 sample', '2 samples', '1 row is', '0 rows are')
+    """
+    told = f"{number} {noun}{'' if number == 1 else 's'}"
+    return told if verbs is None else f"{told} {verbs[number != 1]}"
 
 
 def spoken(text: str) -> str:

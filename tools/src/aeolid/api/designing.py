@@ -12,6 +12,7 @@ from aeolid.api.linear import LinearModel
 from aeolid.api.models import load_model
 from aeolid.api.session import public
 from aeolid.api.table import Table
+from aeolid.durations import seconds_given
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def design(
     model: LinearModel | str | Path,
     *,
     bound: Mapping[str, float | str],
-    duration: float | None = None,
+    duration: float | str | None = None,
     deviation: float | None = None,
     rate: Mapping[str, float | str] | None = None,
     limit: Mapping[str, float | str] | None = None,
@@ -181,11 +182,11 @@ def design(
     goal: float | str | None = None,
     quantity: str = "both",
     signal: str = "auto",
-    clock: float | None = None,
+    clock: float | str | None = None,
     band: tuple[float, float] | None = None,
     lines: int | None = None,
     phases: str | None = None,
-    sample_time: float | None = None,
+    sample_time: float | str | None = None,
     controller: LinearModel | str | Path | None = None,
     past: int | None = None,
     seed: int = 1,
@@ -201,8 +202,9 @@ def design(
         The plant with its noise, as `identify` returns it.
     bound : mapping of str to float or str
         Largest amplitude of each input that is excited: in the model's unit, or a text such as "2deg".
-    duration : float, optional
-        Length of the experiment in seconds; this or `deviation` is needed.
+    duration : float or str, optional
+        Length of the experiment in seconds, or with a unit as the command takes it ("10min", "1h"); this or `deviation`
+        is needed.
     deviation : float, optional
         Relative deviation of the goal that is wanted, 1e-6 to 1; the shortest duration is sought.
     rate : mapping of str to float or str, optional
@@ -217,16 +219,16 @@ def design(
         What of it; both: the larger relative deviation.
     signal : {"auto", "prbs", "multisine", "filtered"}
         Kind of signal; auto: the best of all.
-    clock : float, optional
-        prbs: seconds a bit.
+    clock : float or str, optional
+        prbs: seconds a bit, or with a unit ("500ms").
     band : tuple of float, optional
         multisine, filtered: lowest and highest frequency in Hz.
     lines : int, optional
         multisine: most lines an input, default 64.
     phases : {"schroeder", "random"}, optional
         multisine: phases of its lines, default Schroeder's.
-    sample_time : float, optional
-        Seconds between values: a multiple or a whole part of the model's, default the model's.
+    sample_time : float or str, optional
+        Seconds between values, or with a unit ("50ms"): a multiple or a whole part of the model's, default the model's.
     controller : LinearModel or name of a file, optional
         Linear model from outputs to inputs, to which the excitation is added; default open loop.
     past : int, optional
@@ -254,14 +256,15 @@ def design(
     stated, facts = known_of(plant)
     holder = None if controller is None else linear_model(controller).state_space
     pair = None if band is None else (float(band[0]), float(band[1]))
-    wanted = Wanted(None if signal == "auto" else signal, clock, pair, lines, phases)
+    wanted = Wanted(None if signal == "auto" else signal, seconds_given("clock", clock), pair, lines, phases)
     for name, pairs in (("bound", bound), ("rate", rate), ("limit", limit), ("demand", demand)):
         if pairs is not None and not isinstance(pairs, Mapping):
             raise UsageError(
                 f"{name} is a {type(pairs).__name__}; a mapping of channels is needed, such as {{'pitch': 1}}"
             )
     request = DesignRequest(
-        dict(bound), dict(rate or {}), dict(limit or {}), dict(demand or {}), duration, deviation, sample_time, wanted,
+        dict(bound), dict(rate or {}), dict(limit or {}), dict(demand or {}),
+        seconds_given("duration", duration), deviation, seconds_given("sample_time", sample_time), wanted,
         goal, quantity, on_top, past, seed,
     )  # fmt: skip
     return Excitation(

@@ -12,6 +12,7 @@ from aeolid.api.diagnosis import Diagnosis
 from aeolid.api.models import as_records, core_of
 from aeolid.api.progress import Progress, Show, shown
 from aeolid.api.session import public
+from aeolid.durations import seconds_given
 from aeolid.errors import Contradiction, UsageError
 from aeolid.record import Record
 
@@ -30,7 +31,7 @@ def diagnose(
     same_inputs: bool = False,
     sham: int = 20,
     seed: int = 1,
-    time_limit: float = 3600.0,
+    time_limit: float | str = 3600.0,
     progress: Progress = None,
 ) -> Diagnosis:
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
@@ -56,8 +57,8 @@ def diagnose(
         Null runs of the whole procedure, 0 to 1000.
     seed : int
         Seed of the bootstrap and the null runs.
-    time_limit : float
-        Seconds after which the best answer so far is given, with what is left.
+    time_limit : float or str
+        Seconds, or a time with a unit ("10min"), after which the best answer so far is given, with what is left.
     progress : bool or callable, optional
         By default a bar on a terminal and in a notebook; True shows it always, False never; a function is called with
         a text and the share done.
@@ -75,6 +76,7 @@ def diagnose(
     """
     if not isinstance(sham, int) or not 0 <= sham <= 1000:
         raise UsageError(f"sham = {sham!r} is not a whole number of 0 to 1000")
+    time_limit = seconds_given("time_limit", time_limit)
     if not isinstance(time_limit, int | float) or not 0 < time_limit < float("inf"):
         raise UsageError(f"time_limit = {time_limit!r} is no time; give the seconds, above 0")
     found = as_records(records)

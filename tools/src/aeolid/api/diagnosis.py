@@ -13,6 +13,7 @@ from aeolid.api import markup
 from aeolid.api.session import public
 from aeolid.api.table import Table
 from aeolid.errors import NotIdentifiable
+from aeolid.wording import plus_minus
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,9 +74,9 @@ class Effect:
         """Return each parameter as text, ± one standard deviation."""
         texts = []
         for name, p in self.parameters.items():
-            value = "beyond what these data resolve" if p["value"] is None else f"{p['value']:.4g}"
-            spread = "" if p["std"] is None else f" ± {p['std']:.2g}"
-            texts.append(f"{name} = {value}{spread}{'' if p['unit'] in ('', '1') else ' ' + p['unit']}")
+            lost = p["value"] is None
+            value = "beyond what these data resolve" if lost else plus_minus(p["value"], p["std"])
+            texts.append(f"{name} = {value}{'' if p['unit'] in ('', '1') else ' ' + p['unit']}")
         return texts
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,15 +17,27 @@ Facts = Mapping[str, Any]
 
 
 def modes_table(modes: Sequence[Mode]) -> Table[Mode]:
-    """Return modes as a table."""
+    """Return modes as a table: what swings with frequency in Hz and damping, a real pole with its time constant in s.
+
+    The columns of the other kind, and deviations that are not known, are NaN. The time constant of a pole that grows is
+    negative, that of an integrator infinite.
+    """
     return Table("modes", modes, _mode_row, tuple(_mode_row(Mode(0.0, 0.0, 0j, None, None, {}))))
 
 
 def _mode_row(mode: Mode) -> dict[str, Any]:
+    hertz, swings = mode.frequency_hz, not mode.is_real
+    values = [hertz, mode.frequency_std_hz, mode.damping, mode.damping_std] if swings else [None] * 4
+    constant = constant_std = None
+    if not swings:
+        constant = math.inf if hertz == 0 else math.copysign(1 / (2 * math.pi * hertz), mode.damping)
+        known = mode.frequency_std_hz is not None and hertz > 0
+        constant_std = abs(constant) * (mode.frequency_std_hz or 0.0) / hertz if known else None
+    columns = ("frequency_hz", "frequency_std_hz", "damping", "damping_std", "time_constant_s", "time_constant_std_s")
+    told = zip(columns, [*values, constant, constant_std], strict=True)
     return {
-        "name": mode.name,
-        "frequency_hz": mode.frequency_hz, "frequency_std_hz": mode.frequency_std_hz, "damping": mode.damping,
-        "damping_std": mode.damping_std, "mostly_in": max(mode.shares, key=lambda n: mode.shares[n], default=""),
+        "name": mode.name, **{key: math.nan if value is None else value for key, value in told},
+        "mostly_in": max(mode.shares, key=lambda n: mode.shares[n], default=""),
         "share": max(mode.shares.values(), default=None), "rotor_order": mode.rotor_order,
     }  # fmt: skip
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from aeolid.display import token, visible
+from aeolid.wording import counted
 
 
 def shown(title: str, *parts: str, lines: Sequence[str] = ()) -> str:
@@ -16,7 +17,7 @@ def shown(title: str, *parts: str, lines: Sequence[str] = ()) -> str:
 
 def count(number: int, what: str) -> str:
     """Return a number with its noun: "1 state", "2 states"."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
+    return counted(number, what)
 
 
 def title(text: str) -> str:

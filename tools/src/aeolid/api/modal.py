@@ -54,6 +54,11 @@ class ModalAnalysis:
         listed = self.result.listed
         return told.modes_table([m for m in self.result.modes if m not in listed])
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Return what was done to the samples first, such as fill values that were taken for missing."""
+        return self.result.notes
+
     def summary(self) -> str:
         """Return a few lines of text."""
         return self.result.summary()
@@ -131,7 +136,7 @@ class ModalAnalysis:
         return f"<ModalAnalysis: {markup.count(len(self.modes), 'mode')}, {len(self.harmonics)} harmonics>"
 
     def _repr_html_(self) -> str:
-        return markup.shown(repr(self)[1:-1], self.modes._repr_html_())
+        return markup.shown(repr(self)[1:-1], self.modes._repr_html_(), lines=[f"Note: {n}" for n in self.notes])
 
 
 @public

@@ -50,6 +50,11 @@ class Simulation:
     run: FreeRun
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Return what was done to the samples first, such as fill values that were taken for missing."""
+        return self.run.notes
+
+    @property
     def fit(self) -> Table[dict[str, Any]]:
         """Return VAF in percent and NRMSE of each output, empty where the outputs are not recorded."""
         score = self.run.score
@@ -112,7 +117,7 @@ class Simulation:
         return size + ("" if self.divergence is None else ", DIVERGES") + fit + ">"
 
     def _repr_html_(self) -> str:
-        lines = [] if self.divergence is None else [f"WARNING: {self.divergence}"]
+        lines = [*self.notes, *([] if self.divergence is None else [f"WARNING: {self.divergence}"])]
         return markup.shown(repr(self)[1:-1], self.fit._repr_html_(), lines=lines)
 
 
@@ -125,7 +130,7 @@ def simulate(model: AnyModel, record: Record, *, initial: str = "estimate") -> S
     model : LinearModel, ScheduledModel, Equations, or name of a model file
         The model; a recording with a shorter sample time is brought to that of the model.
     record : Record
-        The recording; it needs every input at every sample.
+        The recording; it needs every input at every sample, and one that reads a fill value (−9999) is missing.
     initial : {"estimate", "model", "zero"}
         First state: estimated where the outputs are recorded too (of equations those that the file leaves free), that
         of the model, or zero.

@@ -58,7 +58,10 @@ class Validation:
 
     @property
     def verdict(self) -> str | None:
-        """Return the verdict on the innovations: pass, immaterial or fail; None without a noise model."""
+        """Return the verdict on the innovations: pass, immaterial, fail, or undecided where there are too few samples.
+
+        None without a noise model.
+        """
         return None if self.result.residuals is None else self.result.residuals.verdict
 
     @property
@@ -86,6 +89,11 @@ class Validation:
     def advice(self) -> tuple[str, ...]:
         """Return what failed tests mean and what to do."""
         return tuple(map(in_python, self.result.advice))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Return what was done to the samples first, such as fill values that were taken for missing."""
+        return self.result.notes
 
     @property
     def divergence(self) -> str | None:
@@ -159,7 +167,7 @@ class Validation:
 
     def _repr_html_(self) -> str:
         warned = [] if self.divergence is None else [f"WARNING: {self.divergence}"]
-        return markup.shown(repr(self)[1:-1], self.fit._repr_html_(), lines=[*warned, *self.advice])
+        return markup.shown(repr(self)[1:-1], self.fit._repr_html_(), lines=[*self.notes, *warned, *self.advice])
 
 
 def autocorrelation(e: Array, lags: int) -> Array:
@@ -182,7 +190,7 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
     model : LinearModel, ScheduledModel, Equations, or name of a model file
         The model; a recording with a shorter sample time is brought to that of the model.
     record : Record
-        The recording, best one that the model has not seen.
+        The recording, best one that the model has not seen; samples that read a fill value (−9999) count as missing.
     steps : sequence of int
         Horizons of the k-step prediction in samples, 1 to 100000.
 
@@ -198,13 +206,11 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
         Where an argument has another type or value.
     """
     from aeolid.identify.free_run import started
-    from aeolid.identify.validation import validate_model
+    from aeolid.identify.validation import validate_recording
     from aeolid.models.load import matched
-    from aeolid.models.rate import at_rate_of, rate_of
 
     core = core_of(model)
-    slow = at_rate_of(rate_of(core), as_record(record))
-    result = validate_model(core, slow, tuple(k for k in _horizons(steps) if k < len(slow)))
+    result, slow = validate_recording(core, as_record(record), _horizons(steps))
     names, units = tuple(s.name for s in core.outputs), tuple(s.unit for s in core.outputs)
     if result.fit is None:  # of the run that is scored
         residuals = matched(slow, core.outputs) - started(core, slow).simulate(slow)

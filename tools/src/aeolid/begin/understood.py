@@ -12,6 +12,7 @@ from aeolid.diagnose.data.intersample import traits_of
 from aeolid.formats.meanings import meaning_of
 from aeolid.formats.table import Array
 from aeolid.record import Record
+from aeolid.wording import counted
 
 _BARS = "▁▂▃▄▅▆▇█"
 _WIDTH = 24  # characters of a line drawn in a table
@@ -65,7 +66,7 @@ class Holes:
         """Return a clause."""
         if not self.rows:
             return "no holes"
-        many = f"{self.stretches} hole{'s' if self.stretches > 1 else ''}, {self.rows} samples"
+        many = f"{self.stretches} hole{'s' if self.stretches > 1 else ''}, {counted(self.rows, 'sample')}"
         return f"{many}, the longest {self.longest_s:.4g} s from {self.at_s:.6g} s on"
 
 

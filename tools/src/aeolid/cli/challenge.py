@@ -13,6 +13,7 @@ from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_o
 from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare
+from aeolid.wording import counted
 
 EXAMPLES = (
     "aeolid challenge make proof --cases 60 --seed 7",
@@ -200,7 +201,7 @@ def _make(
     with bar_of_cases("making") as tell:
         seal = make(folder, cases=cases, seed=seed, samples=samples, physics=physics, chained=chained, notice=tell)
     if json_target != "-":
-        console.print(f"{cases} cases in {folder}; answers sealed, SHA-256 {seal['sha256']}", soft_wrap=True)
+        console.print(f"{counted(cases, 'case')} in {folder}; answers sealed, SHA-256 {seal['sha256']}", soft_wrap=True)
     emit_json(seal, json_target)
 
 
@@ -226,7 +227,8 @@ def _run(
     failed = [r for r in results if r["outcome"] != "done"]
     if json_target != "-":
         console.print(
-            f"{len(results)} cases diagnosed, {len(failed)} without a verdict; results in {target}", soft_wrap=True
+            f"{counted(len(results), 'case')} diagnosed, {len(failed)} without a verdict; results in {target}",
+            soft_wrap=True,
         )
         for result in failed:
             console.print(f"  {result['case']}: {result['outcome']}: {result['reason']}", markup=False, soft_wrap=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aeolid.cli.common import console, emit_json, progress_console
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.challenge.rescore import Rescored
@@ -39,7 +40,7 @@ def _text(found: Rescored) -> str:
     lines = [f"{found.stay} answers stay by their margins, {found.diagnosed} diagnosed under these rules, "
              f"{len(found.open)} open"]  # fmt: skip
     for title, key in (("as stored", "before"), ("under these rules", "after")):
-        lines += ["", f"{title}, {len(found.before)} cases:", *table_text(facts[key])]
+        lines += ["", f"{title}, {counted(len(found.before), 'case')}:", *table_text(facts[key])]
     if facts["changed"]:
         lines += ["", f"{len(facts['changed'])} answers changed:"]
         lines += [_change(c) for c in facts["changed"]]

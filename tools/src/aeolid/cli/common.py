@@ -21,6 +21,7 @@ from aeolid import output
 from aeolid.display import visible_lines
 from aeolid.durations import read_duration
 from aeolid.errors import UsageError
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.record import Record, Roles
@@ -180,8 +181,8 @@ def extent(record: Record) -> str:
     rate = f"{1 / step:.4g} samples a second" if step < 1 else f"a sample every {step:.4g} s"
     began = f", from {record.begins}" if record.begins else ""
     lost = int(np.count_nonzero(np.isnan(record.values)))
-    gaps = f", {lost} cell{'' if lost == 1 else 's'} missing" if lost else ""
-    return f"{record.source}: {count} samples, {rate}, {length}{began}{gaps}"
+    gaps = f", {counted(lost, 'cell')} missing" if lost else ""
+    return f"{record.source}: {counted(count, 'sample')}, {rate}, {length}{began}{gaps}"
 
 
 DEFAULT_BASE = "0x1CFF4000"  # aeolid.can.wire.BASE

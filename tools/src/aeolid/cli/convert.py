@@ -11,6 +11,7 @@ import typer
 from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of
 from aeolid.errors import UsageError
 from aeolid.output import declare, write_text
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.models.state_space import StateSpace
@@ -144,7 +145,8 @@ def _simulation(
 
 
 def _told(facts: dict[str, Any]) -> str:
-    lines = [f"{facts['written']}: {facts['order']} states, {facts['parameters']} parameters, a sample every"
+    lines = [f"{facts['written']}: {counted(facts['order'], 'state')}, "
+        f"{counted(facts['parameters'], 'parameter')}, a sample every"
              f" {facts['sample_time_s']:g} s"]  # fmt: skip
     for kind in ("inputs", "outputs"):
         lines += [f"  {kind[:-1]} {s['name']} [{s['unit'] or '-'}]" for s in facts[kind]]
@@ -192,7 +194,7 @@ def _summary(facts: dict[str, Any]) -> str:
     step = facts["sample_time_s"]
     time = f"sample time {step:g} s" if step else "continuous time"
     gain = "with" if facts["kalman_gain"] else "without"
-    lines = [f"{facts['written']}: {facts['order']} states, {time}, {gain} a Kalman gain"]
+    lines = [f"{facts['written']}: {counted(facts['order'], 'state')}, {time}, {gain} a Kalman gain"]
     for kind in ("inputs", "outputs"):
         lines += [f"  {kind[:-1]} {s['name']} [{s['unit'] or '-'}] about {s['offset']:g}" for s in facts[kind]]
     return "\n".join([*lines, *(f"note: {note}" for note in facts["notes"])])

@@ -31,6 +31,7 @@ from aeolid.cli.pools import (
 )
 from aeolid.file_kinds import require_case
 from aeolid.output import declare, discard, make_folder
+from aeolid.wording import counted
 
 EXAMPLES = (
     "aeolid diagnose my_case --out my_case/diagnosis",
@@ -163,7 +164,7 @@ def _many(cases: list[Path], out: Path, asked: Asked, where: Where, json_target:
     emit_json({"cases": rows}, json_target)
     read = [str(row["verdict"]) for row in rows if row["fault"] is None]
     if not read:
-        raise DataError(f"none of {len(rows)} cases could be read; the first: {rows[0]['fault']}")
+        raise DataError(f"none of {counted(len(rows), 'case')} could be read; the first: {rows[0]['fault']}")
     return read
 
 
@@ -252,7 +253,7 @@ def _print_values(effect: dict[str, Any]) -> None:
     """Say the values of an effect, each by what it means, and what to set in which simulator."""
     from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
     from aeolid.report.numbers import OPEN, is_loose
-    from aeolid.wording import plain
+    from aeolid.wording import plain, plus_minus
 
     called = name_of(effect["id"])
     for name, value in effect["parameters"].items():
@@ -263,7 +264,7 @@ def _print_values(effect: dict[str, Any]) -> None:
         elif is_loose(value["value"], value["std"]):
             spread, unit = f"{unit} ({OPEN})", ""
         else:
-            spread = f" ± {value['std']:.2g}"
+            told, spread = plus_minus(value["value"], value["std"]), ""
         meaning = meaning_of(effect["id"], name)
         label = f"{meaning} ({name})" if meaning else name
         console.print(f"  {called}: {label} = {plain(told + spread)}{unit}", soft_wrap=True, markup=False)

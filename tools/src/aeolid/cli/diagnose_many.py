@@ -17,7 +17,7 @@ from aeolid.inputs import open_regular
 from aeolid.output import declare, write_json, write_text
 from aeolid.output.ledger import digest
 from aeolid.text_files import MOST_JSON, load_json
-from aeolid.wording import place, plain
+from aeolid.wording import counted, place, plain, plus_minus
 
 TABLE, FACTS = "cases.csv", "cases.json"
 _DONE = "done.json"  # in the folder of a case: what it was diagnosed from
@@ -198,8 +198,8 @@ def show(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
     for heading in ("case", "verdict", "effect", "value"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        spread = "" if row["std"] is None or is_loose(row["value"] or 0.0, row["std"]) else f" ± {row['std']:.2g}"
-        number = "" if row["value"] is None else plain(f"{row['value']:.4g}{spread}")
+        std = None if row["std"] is None or is_loose(row["value"] or 0.0, row["std"]) else row["std"]
+        number = "" if row["value"] is None else plain(plus_minus(row["value"], std))
         value = f"{number} {row['unit'] or ''}".strip() if number else ""
         effect = " ".join(
             part for part in (str(row["effect"] or "").replace("_", " "), place(str(row["where"] or ""))) if part
@@ -207,6 +207,6 @@ def show(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
         cells = (row["case"], row["verdict"], effect or row["fault"] or "", value)
         table.add_row(*(Text(str(c)) for c in cells))
     console.print(table)
-    counted = Counter(row["verdict"] for row in rows)
-    told = ", ".join(f"{count} {verdict}" for verdict, count in counted.most_common())
-    console.print(f"{len(rows)} cases: {told}; table: {out / TABLE}", markup=False, soft_wrap=True)
+    verdicts = Counter(row["verdict"] for row in rows)
+    told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.most_common())
+    console.print(f"{counted(len(rows), 'case')}: {told}; table: {out / TABLE}", markup=False, soft_wrap=True)

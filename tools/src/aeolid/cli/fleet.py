@@ -22,6 +22,7 @@ from aeolid.cli.pools import (
 from aeolid.cli.publishing import PublishOption, publish_once, targets_of
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.output import declare, make_folder
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.fleet.plan import Plan
@@ -221,8 +222,9 @@ def _text(facts: dict[str, Any], out: Path, models: bool) -> str:
     from aeolid.fleet.onset import conclusions
 
     lines = [
-        f"{facts['usable']} of {facts['recordings']} recordings used ({facts['reused']} factors from an earlier run), "
-        f"{facts['turbines']} turbines, {len(facts['periods'])} periods"
+        f"{facts['usable']} of {counted(facts['recordings'], 'recording')} used "
+        f"({counted(facts['reused'], 'factor')} from an earlier run), "
+        f"{counted(facts['turbines'], 'turbine')}, {counted(len(facts['periods']), 'period')}"
     ]
     lines += [f"  {turbine}: {reason}" for turbine, reason in facts["order_reasons"].items()]
     if facts["moved"]:

@@ -11,6 +11,7 @@ import typer
 from aeolid.cli.common import ForceOption, JsonOption, console, emit_json
 from aeolid.errors import UsageError
 from aeolid.output import declare, write_text
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.begin.make import Beginning
@@ -68,7 +69,9 @@ def _show(made: Beginning, folder: Path, following: list[str]) -> None:
     from rich.table import Table
 
     for found, guesses in made.sides:
-        table = Table(title=f"{found.path.name}: {len(guesses.used)} channels in use", title_justify="left", box=None)
+        table = Table(
+            title=f"{found.path.name}: {counted(len(guesses.used), 'channel')} in use", title_justify="left", box=None
+        )
         for heading in ("heading", "is", "unit", "role"):
             table.add_column(heading, overflow="fold")
         from rich.text import Text

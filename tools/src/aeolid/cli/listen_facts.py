@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, times, with_deviation
+from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, times
+from aeolid.wording import counted, plus_minus
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -107,7 +108,10 @@ def _node_facts(node: Node) -> dict[str, Any]:
 
 def summary(facts: dict[str, Any]) -> list[str]:
     """Return the lines that are printed at the end."""
-    lines = [f"{facts['frames']} frames in {facts['seconds']:.1f} s ({facts['frames_per_s']:.0f}/s)" + _troubles(facts)]
+    lines = [
+        f"{counted(facts['frames'], 'frame')} in {facts['seconds']:.1f} s ({facts['frames_per_s']:.0f}/s)"
+        + _troubles(facts)
+    ]
     if facts["log"]:
         lines[0] += f" → {facts['log']['file']}"
     for n in facts["nodes"]:
@@ -116,7 +120,10 @@ def summary(facts: dict[str, Any]) -> list[str]:
             continue
         samples = sum(r["samples"] for r in n["runs"])
         lost = sum(r["lost_values"] for r in n["runs"])
-        text = f"node {n['node']}: {samples} samples, {lost} values lost, {n['snapshots']['complete']} snapshots"
+        text = (
+            f"node {n['node']}: {counted(samples, 'sample')}, {counted(lost, 'value')} lost, "
+            f"{counted(n['snapshots']['complete'], 'snapshot')}"
+        )
         if n["snapshots"]["incomplete"]:
             text += f" (and {n['snapshots']['incomplete']} incomplete)"
         files = [str(r["file"]) for r in n["runs"] if r["file"]] + ([str(n["markov"])] if n["markov"] else [])
@@ -174,8 +181,8 @@ def _mode_text(m: dict[str, Any]) -> str:
     """Return a mode in words: its name, frequency and damping in percent."""
     name = f"{m['name']} " if m["name"] else ""
     spread = None if m["damping_std"] is None else 100 * m["damping_std"]
-    hertz = with_deviation(m["frequency_hz"], m["frequency_std_hz"])
-    return f"{name}{hertz} Hz ({with_deviation(100 * m['damping'], spread)} %)"
+    hertz = plus_minus(m["frequency_hz"], m["frequency_std_hz"])
+    return f"{name}{hertz} Hz ({plus_minus(100 * m['damping'], spread)} %)"
 
 
 def _troubles(facts: dict[str, Any]) -> str:
@@ -199,10 +206,12 @@ def why_nothing(reception: Reception, nodes: list[Node]) -> str:
         lambda: next((f"node {n.number} never described itself" for n in nodes if n.now is None), None),
         lambda: next((f"node {n.number} sent neither samples nor a complete snapshot" for n in nodes), None),
         lambda: f"nothing of the node asked for, but of node {others}" if others else None,
-        lambda: f"{assembly.damaged} frames damaged" if assembly.damaged else None,
+        lambda: f"{counted(assembly.damaged, 'frame')} damaged" if assembly.damaged else None,
         lambda: f"{assembly.garbled} lines were no frames" if assembly.garbled else None,
         lambda: (
-            f"{assembly.foreign} frames, none from a node; is the node's --base another?" if assembly.foreign else None
+            f"{counted(assembly.foreign, 'frame')}, none from a node; is the node's --base another?"
+            if assembly.foreign
+            else None
         ),
         lambda: reception.source.status or None,
     ]

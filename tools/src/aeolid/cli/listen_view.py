@@ -15,8 +15,8 @@ from aeolid.monitor.wording import (
     duration,
     harmonics_text,
     times,
-    with_deviation,
 )
+from aeolid.wording import plus_minus
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -91,8 +91,8 @@ class Progress:
                 spread = None if m.mode.damping_std is None else 100 * m.mode.damping_std
                 where = max(m.mode.shares, key=lambda name: m.mode.shares[name])
                 table.add_row(
-                    str(number), str(m.number), with_deviation(m.mode.frequency_hz, m.mode.frequency_std_hz),
-                    with_deviation(100 * m.mode.damping, spread), where, m.mode.name,
+                    str(number), str(m.number), plus_minus(m.mode.frequency_hz, m.mode.frequency_std_hz),
+                    plus_minus(100 * m.mode.damping, spread), where, m.mode.name,
                 )  # fmt: skip
             if turning := harmonics_text(modes):
                 lines.append(Text(f"node {number}: harmonics of the rotor or other steady sines: {turning}"))

@@ -26,6 +26,7 @@ from aeolid.cli.common import (
 from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare, private_path
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.can.software_node import Feed, SoftwareNode
@@ -138,8 +139,9 @@ def _sum_up(facts: dict[str, Any]) -> str:
     """Put the counters of a node into words; a CAN interface has some of its own."""
     rejected = facts["not_finite"] + facts["range"] + facts["time"]
     text = (
-        f"{facts['samples']} samples, {rejected} rejected, {facts['gaps']} gaps, {facts['snapshots']} snapshots,"
-        f" {facts['sent']} frames, {facts['dropped'] + facts['overrun']} dropped"
+        f"{counted(facts['samples'], 'sample')}, {rejected} rejected, {counted(facts['gaps'], 'gap')}, "
+        f"{counted(facts['snapshots'], 'snapshot')},"
+        f" {counted(facts['sent'], 'frame')}, {facts['dropped'] + facts['overrun']} dropped"
     )
     interface = facts.get("interface", {})
     if interface.get("lost"):

@@ -11,6 +11,7 @@ import typer
 from aeolid.cli.common import progress_console
 from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.publish.rows import Row
@@ -81,7 +82,7 @@ def publish_once(targets: Sequence[tuple[str, Target]], rows: Sequence[Row]) -> 
         except Exception as error:  # the result is still to be written and judged
             progress_console.print(f"aeolid: --publish {name}: not sent ({error})", soft_wrap=True, markup=False)
         else:
-            told = f"aeolid: --publish {name}: {len(rows)} rows sent"
+            told = f"aeolid: --publish {name}: {counted(len(rows), 'row')} sent"
             progress_console.print(told, soft_wrap=True, markup=False)
         finally:
             target.close()

@@ -20,6 +20,7 @@ from aeolid.cli.common import (
 )
 from aeolid.errors import UsageError
 from aeolid.output import declare
+from aeolid.wording import counted
 
 EXAMPLES = ("aeolid simulate model.json tuesday.csv --roles roles.toml --out simulated.csv",)
 
@@ -66,7 +67,11 @@ def simulate(
     write_table(out, columns, {"time_s": "s"} | {s.name: s.unit for s in model.outputs})
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording), "samples": len(record)}
     facts |= {"outputs": names, "divergence": None if wild is None else wild.to_json()}
-    lines, left = [f"{len(record)} samples written to {out}"], " Values that are not finite are left empty."
+    facts["notes"] = list(run.notes)
+    lines, left = (
+        [f"{counted(len(record), 'sample')} written to {out}", *run.notes],
+        " Values that are not finite are left empty.",
+    )
     warning = "" if wild is None else f"WARNING: {wild.text()}" + ("" if finite.all() else left)
     lines += [warning] if warning else []
     if run.start:
@@ -77,6 +82,6 @@ def simulate(
         lines += [f"  {n}: {run.score.text(n)}" for n in names]
     if json_target != "-":
         console.print("\n".join(lines), markup=False, soft_wrap=True)
-    elif warning:
-        progress_console.print(warning, markup=False, soft_wrap=True)
+    for text in [*run.notes, *([warning] if warning else [])] if json_target == "-" else ():
+        progress_console.print(text, markup=False, soft_wrap=True)
     emit_json(facts, json_target)

@@ -70,13 +70,11 @@ def validate(
     from aeolid.formats import read_record
     from aeolid.identify.mode_names import mode_lines
     from aeolid.identify.stated import stated_doubt
-    from aeolid.identify.validation import validate_model
+    from aeolid.identify.validation import validate_recording
     from aeolid.models.load import load_model
-    from aeolid.models.rate import at_rate_of, rate_of
 
     doubt, model = stated_doubt(model_file), load_model(model_file)
-    record = at_rate_of(rate_of(model), read_record(recording, load_roles(roles, resample)))
-    result = validate_model(model, record, tuple(k for k in horizons if k < len(record)))  # others have no prediction
+    result, record = validate_recording(model, read_record(recording, load_roles(roles, resample)), horizons)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     if fail_above is not None and metric == "free-run" and not result.driven:
         raise UsageError(f"{model_file}: the model has no input, and a free run says nothing of it: --metric one-step")
@@ -84,8 +82,9 @@ def validate(
     bad = fail_above is not None and not worst <= fail_above  # a score that is not a number is bad news too
     told = worst if worst < 1e300 else None
     facts["fail_above"] = {"metric": metric, "threshold": fail_above, "worst": told, "bad": bad}
-    if json_target == "-" and result.divergence is not None:
-        progress_console.print(f"WARNING: {result.divergence.text()}", markup=False, soft_wrap=True)
+    warned = [*result.notes, *([] if result.divergence is None else [f"WARNING: {result.divergence.text()}"])]
+    for text in warned if json_target == "-" else ():
+        progress_console.print(text, markup=False, soft_wrap=True)
     modes = _modes(model_file, model, record)
     facts["modes"] = [m.to_json() for m in modes]
     facts["bands_hold"] = None if doubt is None else not doubt

@@ -28,6 +28,7 @@ from aeolid.diagnose.structure.nuisance import is_nuisance
 from aeolid.diagnose.validation.told_values import free_errors, rms, run_errors, told_values, widened
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.models.equations import Equations
+from aeolid.wording import plus_minus
 
 Array = NDArray[np.float64]
 
@@ -139,9 +140,10 @@ def _told(values: Sequence[Moved]) -> list[str]:
     lines, width = [], max(len(m.parameter.name) for m in values)
     for m in values:
         unit = f" {m.parameter.unit}" if m.parameter.unit not in ("", "1") else ""
-        band = f" ± {m.std:.2g}" if math.isfinite(m.std) else " (these data leave it open)"
+        open_ = "" if math.isfinite(m.std) else " (these data leave it open)"
         end = ", at the end of its range" if m.at_end else ""
-        lines.append(f"  {m.parameter.name:<{width}}  {m.value:.5g}{band}{unit} ({m.parameter.value:.5g}{end})")
+        told = f"{plus_minus(m.value, m.std, 5)}{open_}{unit}"
+        lines.append(f"  {m.parameter.name:<{width}}  {told} ({m.parameter.value:.5g}{end})")
     return lines
 
 

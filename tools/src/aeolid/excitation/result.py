@@ -18,6 +18,7 @@ from aeolid.excitation.signals import Signals
 from aeolid.excitation.wrapper import unplayable, wrapper_text
 from aeolid.formats import write_table
 from aeolid.models.modes import Mode
+from aeolid.wording import plus_minus
 
 Array = NDArray[np.float64]
 ROUGH = 0.3  # relative deviation beyond which first-order deviations are a rough guide
@@ -190,11 +191,16 @@ class Design:
 def _mode_line(m: ModeForecast, width: int) -> str:
     mode = m.mode
     cells = [
-        f"{mode.name:{width}s}", f"{mode.frequency_hz:8.4f} ± {_short(m.frequency_std_hz)}",
+        f"{mode.name:{width}s}", f"{_told(mode.frequency_hz, m.frequency_std_hz):20s}",
         _short(m.least_frequency_std_hz), _short(m.noise_frequency_std_hz),
-        f"{mode.damping:7.4f} ± {_short(m.damping_std)}", _short(m.least_damping_std), _short(m.noise_damping_std),
+        f"{_told(mode.damping, m.damping_std):19s}", _short(m.least_damping_std), _short(m.noise_damping_std),
     ]  # fmt: skip
     return ("  " + "  ".join(cells)).rstrip()
+
+
+def _told(value: float, std: float | None) -> str:
+    known = std is not None and math.isfinite(std)
+    return plus_minus(value, std) if known else f"{value:.4g} ± {_short(std).strip()}"
 
 
 def _short(value: float | None) -> str:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,10 @@ from aeolid.formats.meanings import meaning_of
 from aeolid.identify.modal import Modal, find_modal
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.models.blade_sets import in_fixed_frame
+from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.modes import Mode, continuous_poles, is_widened
 from aeolid.record import Record
+from aeolid.wording import plus_minus
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -35,6 +37,7 @@ HIGHEST = 12  # P; up to there the rate is kept: tower, drive train and first bl
 ON_A_LINE = 0.025  # relative distance to a line of the blades' passing, within which a mode may be that line
 DAMPED = 0.3  # beyond which a swing is no mode to follow
 LEAST_RUNS = 2
+_CELL = 17  # letters, at least, of a column of the table
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,7 @@ class Run:
             "rotor_deviation_hz": self.turning.deviation_hz, "outputs": list(d.outputs),
             "sample_time_s": d.sample_time_s, "past": d.past, "order": d.order,
             "harmonics": [m.to_json() for m in self.modal.modes if m not in self.modal.listed],
+            "notes": list(self.modal.notes),
         }  # fmt: skip
 
 
@@ -99,18 +103,18 @@ class Campbell:
         """Return the table as text: a column a recording, frequency in Hz with one deviation, damping below."""
         heads = [_head(r) for r in self.runs]
         width = max([len(t.name) for t in self.tracks] + [4])
-        lines = [f"  {'':{width}s}  " + "  ".join(f"{h:>17s}" for h in heads)]
-        lines.append(f"  {'1P':{width}s}  " + "  ".join(f"{_of_rotor(r):>17s}" for r in self.runs))
+        rows = [("", heads), ("1P", [_of_rotor(r) for r in self.runs])]
         for track in self.tracks:
-            for name, row in ((track.name, _hertz), ("", _damping)):
-                lines.append(f"  {name:{width}s}  " + "  ".join(f"{row(m):>17s}" for m in track.modes))
+            rows += [(track.name, list(map(_hertz, track.modes))), ("", list(map(_damping, track.modes)))]
+        wide = max(_CELL, *(len(cell) for _, cells in rows for cell in cells))
+        lines = [f"  {name:{width}s}  " + "  ".join(f"{cell:>{wide}s}" for cell in cells) for name, cells in rows]
         if not self.tracks:
             lines.append("  no mode was found in two recordings; record longer, or lower the rate (--decimate)")
         for what, some in (("found in one recording only", self.single), ("on a line of the rotor", self.lines)):
             if some:
                 told = (f"{t.name or 'unnamed'} near {np.mean([m.frequency_hz for m in t.found]):.4g} Hz" for t in some)
                 lines.append(f"{what}: {'; '.join(told)}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(note for r in self.runs for note in r.modal.notes)])
 
 
 def _head(run: Run) -> str:
@@ -118,20 +122,19 @@ def _head(run: Run) -> str:
 
 
 def _of_rotor(run: Run) -> str:
-    return f"{run.turning.frequency_hz:.4f} ± {run.turning.deviation_hz:.4f}"
+    return plus_minus(run.turning.frequency_hz, run.turning.deviation_hz)
 
 
 def _hertz(mode: Mode | None) -> str:
     if mode is None:
         return "–"
-    return f"{mode.frequency_hz:.4f}" + ("" if mode.frequency_std_hz is None else f" ± {mode.frequency_std_hz:.4f}")
+    return plus_minus(mode.frequency_hz, mode.frequency_std_hz)
 
 
 def _damping(mode: Mode | None) -> str:
     if mode is None:
         return ""
-    spread = "" if mode.damping_std is None else f" ± {100 * mode.damping_std:.2f}"
-    return f"{100 * mode.damping:.2f}{spread} %"
+    return f"{plus_minus(100 * mode.damping, None if mode.damping_std is None else 100 * mode.damping_std)} %"
 
 
 def find_campbell(
@@ -149,12 +152,15 @@ def find_campbell(
     """
     if len(records) < LEAST_RUNS:
         raise UsageError("a Campbell diagram takes two recordings or more, at different winds; aeolid modes takes one")
+    known = [without_fill_values([r]) for r in records]
+    records = [record for (record,), _ in known]
     turning = [_turning(r) for r in records]
     factor, runs = decimation_of(records) if decimation is None else decimation, []
-    for record, turns in zip(records, turning, strict=True):
-        still = in_fixed_frame([record], blades)
-        modal = find_modal(still, outputs=outputs, past=past, largest=largest, decimation=factor)
-        runs.append(Run(record.source, modal, turns, _wind(record)))
+    for record, turns, (_, notes) in zip(records, turning, known, strict=True):
+        with told_with(notes):
+            still = in_fixed_frame([record], blades)
+            modal = find_modal(still, outputs=outputs, past=past, largest=largest, decimation=factor)
+        runs.append(Run(record.source, replace(modal, notes=notes), turns, _wind(record)))
     return followed(runs)
 
 

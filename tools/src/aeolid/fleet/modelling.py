@@ -22,6 +22,7 @@ from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.modes import Mode, mark_harmonics, modes_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 REGULARIZATION = "gcv"  # costs nothing where data are rich
@@ -80,7 +81,7 @@ def choose_common_order(periods: Sequence[Summary], plan: Plan) -> tuple[int, st
         raise NotIdentifiable(f"no period carries a choice of the order; the last: {reason}")
     most = min(map(len, scored))
     losses = np.average([each[:most] for each in scored], axis=0, weights=weights)
-    choice = smallest_sufficient(losses.tolist(), tail=f", {len(scored)} periods")
+    choice = smallest_sufficient(losses.tolist(), tail=f", {counted(len(scored), 'period')}")
     return choice.order, choice.reason
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.fleet.plan import DAY, EPOCH
+from aeolid.wording import counted, plus_minus
 
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
@@ -115,7 +116,7 @@ def untested(tracks: Sequence[Facts], count: Mapping[str, int]) -> list[str]:
         if any(_testable(t, periods) for t in own):
             continue
         most = max((t["periods"] for t in own), default=0)
-        why = f"{periods} periods, {LEAST} are needed"
+        why = f"{counted(periods, 'period')}, {LEAST} are needed"
         if periods >= LEAST:
             why = f"no lightly damped mode has a deviation in {LEAST} and is there in most of {periods} periods"
             why += f" (the one found most is in {most})"
@@ -142,9 +143,12 @@ def say_change(track: Facts) -> str:
     if not onset["from_start"] and bounds[0] < bounds[1]:
         when += f" (95 %: {_when(bounds[0], track)} to {_when(bounds[1], track)})"
     verb = "falls" if onset["change"] < 0 else "rises"
-    size = f"{abs(percent):.2f} ± {spread:.2f} %"
+    size = f"{plus_minus(abs(percent), spread)} %"
     name = track.get("name") or f"mode {track['track']}"
-    return f"{track['turbine']}, {name}: {verb} from {before:.4g} Hz by {size} {when}, {track['periods']} periods"
+    return (
+        f"{track['turbine']}, {name}: {verb} from {before:.4g} Hz by {size} {when}, "
+        f"{counted(track['periods'], 'period')}"
+    )
 
 
 def _when(time: float, track: Facts) -> str:

@@ -29,6 +29,7 @@ from aeolid.fleet.tasks import (
 from aeolid.fleet.tracking import drift, track
 from aeolid.fleet.workers import Pool
 from aeolid.formats.timebase import CLOCK_TOLERANCE
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 Notice = Callable[[str, int, int], None]  # stage, pieces done, pieces in all
@@ -267,4 +268,6 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
 
 def _nothing(count: int, skipped: Skipped) -> str:
     first = skipped.rows[0]["reason"] if skipped.rows else "no period"
-    return f"nothing usable in {count} recordings, {len(skipped.rows)} reasons; the first: {first}"
+    return (
+        f"nothing usable in {counted(count, 'recording')}, {counted(len(skipped.rows), 'reason')}; the first: {first}"
+    )

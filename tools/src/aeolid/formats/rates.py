@@ -17,6 +17,7 @@ from aeolid.formats.bounds import guard_size
 from aeolid.formats.table import Array, listed
 from aeolid.formats.timebase import Grid
 from aeolid.models.angles import turn_of
+from aeolid.models.fill_values import fill_values_in, sentence
 from aeolid.record import Channel
 
 log = logging.getLogger("aeolid.formats")
@@ -43,9 +44,13 @@ class Series:
 def series_of(source: str, channel: Channel, time: Array, values: Array) -> Series:
     """Return the samples that are there, in the order of time; of several at one instant the last.
 
+    Samples that read a fill value are not there, and a warning says so: no straight line leads to such a value.
     Raises DataError where none is left.
     """
-    there = np.isfinite(time) & np.isfinite(values)
+    filled = fill_values_in(values)
+    for value, count in zip(*np.unique(values[filled], return_counts=True), strict=True):
+        log.warning(sentence(source, channel.name, float(value), int(count)))
+    there = np.isfinite(time) & np.isfinite(values) & ~filled
     time, values = time[there], values[there]
     order = np.argsort(time, kind="stable")
     time, values = time[order], values[order]

@@ -47,6 +47,7 @@ from aeolid.models.shaped_modes import with_shapes
 from aeolid.models.shapes import index_of_reference
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
+from aeolid.wording import counted
 
 if TYPE_CHECKING:
     from aeolid.identify.contrast import Contrast
@@ -278,7 +279,10 @@ def with_start(model: StateSpace, records: Sequence[Record]) -> StateSpace:
 def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) -> tuple[str, ...]:
     notes = []
     if factor.skipped:
-        notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
+        notes.append(
+            f"{counted(factor.skipped, 'window')} with a missing sample "
+            f"{'was' if factor.skipped == 1 else 'were'} left out, {factor.windows} used"
+        )
     if estimate.rank < estimate.regressors:
         notes.append(
             f"the data tell {estimate.rank} of {estimate.regressors} regressors apart (fewer noise sources than "

@@ -15,16 +15,19 @@ from aeolid.identify.feedthrough import Feedthrough
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import check_feedthrough
 from aeolid.identify.streamed import StreamedMarkov
-from aeolid.identify.truncation import WindowCheck
+from aeolid.identify.truncation import APART, WindowCheck
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
+from aeolid.models.modes import Mode
 from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Result = TypeVar("Result")
 CONFIRMED = (
     "the data allow no past window much longer than {} samples to hold it against: modes are those of prediction-error "
     "steps, which have no window, and their innovations are white"
 )
+NEAR = 0.1  # relative: a pole that a window moves by less is still found in the list by its frequency
 TESTED = 0.3  # of the longest window allowed, in which feedthrough is tested where the window is not given
 
 
@@ -107,7 +110,10 @@ def _say_short(records: Sequence[Record], past: int) -> list[str]:
     short = sum(len(r) <= past for r in records)
     if not short:
         return []
-    return [f"{short} of {len(records)} recordings are no longer than the past window of {past} samples: not used"]
+    return [
+        f"{short} of {counted(len(records), 'recording', ('is', 'are'))} no longer than the past window of "
+        f"{past} samples: not used"
+    ]
 
 
 def _said(tested: tuple[Feedthrough, ...], missing: tuple[Feedthrough, ...], auto: bool) -> list[str]:
@@ -135,6 +141,7 @@ def with_choices_made(result: Result, made: Choices) -> Result:
         limited = held.get("limited") or ""
         confirmed = check.holds is None and stands and not scarce and not limited
         window = "" if confirmed else check.reason
+        window += _unlisted(check, result.modes) if window else ""
         window += f"; {limited}" if window and limited and check.holds is None else ""
         near = result.extra.get("crowded", {}).get("reason", "")
         reasons = [r for r in (scarce, window, held.get("reason"), near) if r]
@@ -147,6 +154,21 @@ def with_choices_made(result: Result, made: Choices) -> Result:
         facts |= {"bands_hold": holds, "bands_reason": "; ".join(reasons) or None, "window": check.to_json()}
     own = (f"WARNING: {n}" if scarce and n == scarce else n for n in result.notes)
     return replace(result, notes=(*own, *notes), extra=result.extra | facts)
+
+
+def _unlisted(check: WindowCheck, modes: Sequence[Mode]) -> str:
+    """Return what is to be said where the pole that a window's check names is none of the modes told, else nothing."""
+    hertz = check.frequency_hz
+    if hertz is None or check.apart <= APART:
+        return ""
+    if any(abs(m.frequency_hz - hertz) <= NEAR * max(hertz, m.frequency_hz) for m in modes):
+        return ""
+    why = (
+        "only models of the longer window have it"
+        if check.missed
+        else ("the check fits models of its own, whose order held-out samples choose")
+    )
+    return f"; no pole near {hertz:.3g} Hz is listed, since {why}"
 
 
 def _ladder(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:

@@ -27,6 +27,7 @@ from aeolid.identify.short_factors import product_factor, shorter
 from aeolid.identify.truncation import LOWERED, WindowCheck, WindowFit, compare_windows, fit_window, held_out_power
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 SHORTEST, LONGEST = 10, 400
@@ -127,7 +128,7 @@ def choose_past(
             break
         past = min(_next(past), ladder.longest)
     step = ladder.sample_time_s
-    reason = f"past window {past} samples ({past * step:.4g} s): "
+    reason = f"past window {counted(past, 'sample')} ({past * step:.4g} s): "
     reason += f"the shortest whose held-out one-step error is within {within}"
     if past > first:
         reason = (
@@ -209,7 +210,8 @@ def _by_shorter(fit: Callable[[int, int | None], WindowFit], past: int, sample_t
     near = "" if frequency is None else f" near {frequency:.3g} Hz"
     return WindowCheck(
         None, past, less, frequency, 0.0 if found is None else found.apart,
-        f"whether the past window of {past} samples ({past * sample_time_s:.4g} s) is long enough cannot be said: the "
+        f"whether the past window of {counted(past, 'sample')} ({past * sample_time_s:.4g} s) is long enough "
+        "cannot be said: the "
         f"data allow none much longer, and poles{near} still move with it: standard deviations may be too small",
     )  # fmt: skip
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from aeolid.identify.outcome import nearest
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.truncation import KNOWN, MATERIAL
+from aeolid.models.modes import pole_words
 
 if TYPE_CHECKING:
     from aeolid.identify.refine import Descent, Refinement, Run, Stretch
@@ -56,11 +57,12 @@ class Contrast:
     """Hold a subspace model beside the end of the steps from it.
 
     done, steps: the steps and their number; apart, frequency_hz: of the pole that moves most, deviations told and Hz;
-    failed: why the end of the steps cannot be taken, empty where it can or need not be; taken: whether it takes the
-    place of the subspace model; white: whether its innovations on the longest stretch are white and free of the inputs'
-    past (`residuals`); ended: whether no step gained more; limited: why the end confirms no window, empty where it may:
-    it lies where the recordings show no longer memory, or first states take many of their numbers. Taken is what the
-    steps end at, if it fits the recordings no worse and, where poles differ, has ended and is white.
+    is_real: whether it is real; failed: why the end of the steps cannot be taken, empty where it can or need not be;
+    taken: whether it takes the place of the subspace model; white: whether its innovations on the longest stretch are
+    white and free of the inputs' past (`residuals`); ended: whether no step gained more; limited: why the end confirms
+    no window, empty where it may: it lies where the recordings show no longer memory, or first states take many of
+    their numbers. Taken is what the steps end at, if it fits the recordings no worse and, where poles differ, has ended
+    and is white.
     """
 
     done: Refinement
@@ -72,14 +74,16 @@ class Contrast:
     white: bool
     ended: bool = True
     limited: str = ""
+    is_real: bool = False
 
     @property
     def doubt(self) -> str:
         """Return why the deviations do not hold, empty where they do."""
         if self.limited == MEMORY and self.apart > APART:
             return (
-                f"prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by {min(self.apart, 999):.0f} "
-                f"standard deviations and end where {MEMORY}: standard deviations do not hold"
+                f"prediction-error steps move {pole_words(self.frequency_hz, self.is_real)} by "
+                f"{min(self.apart, 999):.0f} standard deviations and end where {MEMORY}: "
+                "standard deviations do not hold"
             )
         if self.white and (self.taken or self.apart <= APART):
             return ""
@@ -89,7 +93,7 @@ class Contrast:
                 "inputs, so that modes may be missing: standard deviations may not hold"
             )
         return (
-            f"prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by {min(self.apart, 999):.0f} "
+            f"prediction-error steps move {pole_words(self.frequency_hz, self.is_real)} by {min(self.apart, 999):.0f} "
             f"standard deviations and {self.failed}: standard deviations do not hold"
         )
 
@@ -103,7 +107,7 @@ class Contrast:
                 f"than {self.apart:.1f} of its standard deviations, and their model predicts best"
             ]
         return [
-            f"{self.steps} prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by "
+            f"{self.steps} prediction-error steps move {pole_words(self.frequency_hz, self.is_real)} by "
             f"{min(self.apart, 999):.1f} of its standard deviations: their model is taken, with the deviations it has"
         ]
 
@@ -139,7 +143,7 @@ def contrast(
     hertz = float(abs(np.log(pole)) / (2 * np.pi * step_s)) if pole else 0.0
     white = _white(run_model(found.model, stretches, np.eye(outputs)), stretches)
     limited = _limit(descent, found.model, n * len(stretches) / (samples * outputs))
-    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white, len(path) <= steps, limited)
+    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white, len(path) <= steps, limited, pole.imag == 0)
     if apart <= APART and not always:
         return met
     if len(path) == 1 or found.root is None:

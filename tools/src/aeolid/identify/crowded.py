@@ -20,6 +20,7 @@ from aeolid.identify.contrast import BESIDE, NATS, Contrast, farthest
 from aeolid.identify.error_weight import least_of, log_det
 from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis, largest_useful_order, system_matrices
+from aeolid.models.modes import pole_words
 
 if TYPE_CHECKING:
     from aeolid.identify.refine import Stretch
@@ -34,20 +35,24 @@ WORK = 4e10  # operations of all its steps, some ten seconds at the very most; w
 
 @dataclass(frozen=True)
 class Crowded:
-    """Hold what more states find: how many, nats they gain, and the mode that moves most, Hz and deviations."""
+    """Hold what more states find: how many, nats they gain, and the mode that moves most, Hz and deviations.
+
+    is_real: whether that mode is a real pole.
+    """
 
     states: int
     nats: float
     frequency_hz: float
     apart: float
+    is_real: bool = False
 
     @property
     def reason(self) -> str:
         """Return why the deviations do not hold."""
         return (
-            f"with {self.states} more {'state' if self.states == 1 else 'states'} the mode near"
-            f" {self.frequency_hz:.3g} Hz moves by {min(self.apart, 999):.0f} standard deviations and the fit gains"
-            f" {self.nats:.0f} nats: two modes may be told as one"
+            f"with {self.states} more {'state' if self.states == 1 else 'states'}"
+            f" {pole_words(self.frequency_hz, self.is_real)} moves by {min(self.apart, 999):.0f} standard deviations"
+            f" and the fit gains {self.nats:.0f} nats: two modes may be told as one"
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -93,7 +98,7 @@ def crowded(
         pole, apart = farthest(told, end, poles)
         sure = bool(chdtrc(states * (2 * outputs + model.B.shape[1]), 2 * max(gain, 0.0)) < CHANCE)
         if sure and apart > APART:
-            found.append(Crowded(states, gain, float(abs(np.log(pole)) / (2 * np.pi * step_s)), apart))
+            found.append(Crowded(states, gain, float(abs(np.log(pole)) / (2 * np.pi * step_s)), apart, pole.imag == 0))
     return max(found, key=lambda c: c.apart, default=None)
 
 

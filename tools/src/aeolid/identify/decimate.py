@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 TAPS_PER_STEP = 20  # on either side of the centre: 0.05 dB at 70 % and 60 dB beyond 130 % of the new Nyquist frequency
@@ -36,7 +37,7 @@ def decimate(record: Record, factor: int, *, centred: bool = False) -> Record:
     half = TAPS_PER_STEP * factor
     if len(record) < 4 * half:
         raise NotIdentifiable(
-            f"{record.source}: {len(record)} samples; decimation by {factor} needs at least {4 * half}"
+            f"{record.source}: {counted(len(record), 'sample')}; decimation by {factor} needs at least {4 * half}"
         )
     taps = firwin(2 * half + 1, 1.0 / factor, window=("kaiser", 6.0))
     columns = []

@@ -20,6 +20,7 @@ from aeolid.identify.result import Identification
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 
@@ -54,8 +55,9 @@ def with_delays(
     model = with_start(delayed(result.model, delays), records)
     how = ", as the recordings tell" if found else ""
     notes = [
-        f"input {name!r} acts {samples} samples ({samples * model.sample_time_s:g} s) late{how}: the model carries "
-        f"it in {samples} states beside the {result.order} of its order"
+        f"input {name!r} acts {counted(samples, 'sample')} ({samples * model.sample_time_s:g} s) late{how}: the "
+        "model carries "
+        f"it in {counted(samples, 'state')} beside the {result.order} of its order"
         for name, samples in delays.items()
     ]
     names = [s.name for s in model.inputs]

@@ -23,6 +23,7 @@ from aeolid.identify.truncation import order_loss
 from aeolid.identify.windows import Scaling, WindowFactor, require_windows
 from aeolid.models.modes import continuous_poles, frequency_and_damping, pushed_to_modes
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -150,8 +151,9 @@ def ladder_of(records: Sequence[Record], scaling: Scaling, past: int | None) -> 
         ladder = climb(records, scaling, longest)
     if ladder.fitted.windows <= (longest + 1) * scaling.channels or ladder.held_out.windows == 0:
         raise NotIdentifiable(
-            f"{records[0].source}: {ladder.fitted.windows} complete windows of {longest + 1} samples in the first "
-            f"{FIT_PART:.0%} are too few for {scaling.channels} outputs; record longer, or without gaps"
+            f"{records[0].source}: {counted(ladder.fitted.windows, 'complete window')} of {longest + 1} samples "
+            "in the first "
+            f"{FIT_PART:.0%} are too few for {counted(scaling.channels, 'output')}; record longer, or without gaps"
         )
     return ladder
 

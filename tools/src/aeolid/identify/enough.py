@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aeolid.errors import NotIdentifiable
+from aeolid.wording import counted
 
 FEWEST = 10.0  # windows times outputs a parameter of the model that is told
 
@@ -18,7 +19,7 @@ def require_enough(windows: int, order: int, inputs: int, outputs: int, source: 
     each = windows * outputs / parameters
     if each >= FEWEST:
         return ""
-    text = f"{windows} windows of {outputs} outputs are {each:.1f} a parameter of a model of order {order}"
+    text = f"{windows} windows of {counted(outputs, 'output')} are {each:.1f} a parameter of a model of order {order}"
     if lost:
         raise NotIdentifiable(
             f"{source}: {text}, fewer than {FEWEST:.0f}; other windows hold missing samples: record longer, "

@@ -38,6 +38,7 @@ from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scali
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
@@ -221,7 +222,10 @@ def _in_units(theta: Array, scaling: Scaling, past: int) -> Array:
 def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) -> tuple[str, ...]:
     notes, p = [], factor.past
     if factor.skipped:
-        notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
+        notes.append(
+            f"{counted(factor.skipped, 'window')} with a missing sample "
+            f"{'was' if factor.skipped == 1 else 'were'} left out, {factor.windows} used"
+        )
     if estimate.rank < estimate.regressors:
         notes.append(
             f"the inputs tell {estimate.rank} of {estimate.regressors} regressors apart; "

@@ -12,6 +12,7 @@ from aeolid.identify.fit import Score, score
 from aeolid.models.divergence import Divergence
 from aeolid.models.equations import Equations
 from aeolid.models.equations_names import own_names
+from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.load import LinearModel, Model, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.models.rate import at_rate_of, rate_of
@@ -27,6 +28,7 @@ class FreeRun:
 
     recorded (N, l) and score are None where an output is not among the channels; divergence where nothing diverges.
     start: of equations, the first states that were estimated from the recording, by name; empty where none were.
+    notes: what was done to the samples first, plain warnings.
     """
 
     record: Record
@@ -35,14 +37,15 @@ class FreeRun:
     score: Score | None
     divergence: Divergence | None
     start: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def run_free(model: Model, record: Record, initial: str = "estimate") -> FreeRun:
     """Run a model free on the recorded inputs.
 
     initial: first state: "estimate" from the recording (of equations those that the file leaves free), "model" (as the
-    file has it) or "zero". Raises UsageError on another start or a model of outputs alone, DataError where a channel
-    is missing, in another unit or incomplete.
+    file has it) or "zero". Samples that read a fill value count as missing, and a note says so. Raises UsageError on
+    another start or a model of outputs alone, DataError where a channel is missing, in another unit or incomplete.
     """
     if initial not in STARTS:
         raise UsageError(f"--initial {initial!r} is none of {', '.join(STARTS)}")
@@ -53,7 +56,13 @@ def run_free(model: Model, record: Record, initial: str = "estimate") -> FreeRun
             "the model has no input: identified from outputs alone it tells modes and predicts from the past (aeolid "
             "validate), and has nothing to run on"
         )
-    record = at_rate_of(rate_of(model), record)
+    (known,), notes = without_fill_values([record])
+    with told_with(notes):
+        return replace(_run(model, at_rate_of(rate_of(model), known), initial), notes=notes)
+
+
+def _run(model: Model, record: Record, initial: str) -> FreeRun:
+    """Run a model free on a recording at its rate."""
     matched(record, model.inputs, own_names(model))
     first, model = model, started(model, record, initial)
     y = model.simulate(record)

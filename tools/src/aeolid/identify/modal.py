@@ -12,7 +12,7 @@ ones to compare with: what a window leaves out is little of the error and much o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,12 +32,14 @@ from aeolid.identify.rotor import Rotation, rotation
 from aeolid.identify.uncertainty import covariance_of
 from aeolid.identify.windows import find_scaling
 from aeolid.models.blade_sets import in_fixed_frame
+from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.modes import Mode
 from aeolid.models.prediction import complete_stretches
 from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import Shape, index_of_reference
 from aeolid.models.wire_frame import complexity_lines, geometry_facts
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -55,7 +57,7 @@ class Modal:
     modes: by frequency, harmonics and steady sines among them, marked; stability: of each the cluster it came from;
     spurious: clusters that are not physical; sources: of each recording its name, SHA-256 and samples.
     spectrum: frequencies in Hz, and the sum of the outputs' spectra, each in its own scale. geometry: where the
-    sensors are, None where the roles file does not say it.
+    sensors are, None where the roles file does not say it. notes: what was done to the samples first, plain warnings.
     """
 
     modes: tuple[Mode, ...]
@@ -67,6 +69,7 @@ class Modal:
     sources: tuple[dict[str, Any], ...]
     spectrum: tuple[Array, Array]
     geometry: Geometry | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def listed(self) -> tuple[Mode, ...]:
@@ -84,7 +87,7 @@ class Modal:
             "criteria": self.criteria.to_json(),
             "modes": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m in self.listed],
             "harmonics": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m not in self.listed],
-            "unsettled_hz": list(self.unsettled), "poles": self._pole_facts(),
+            "unsettled_hz": list(self.unsettled), "notes": list(self.notes), "poles": self._pole_facts(),
             "spectrum": {"frequency_hz": self.spectrum[0].tolist(), "power": self.spectrum[1].tolist()},
         } | geometry_facts(self.geometry, self.listed)  # fmt: skip
 
@@ -98,12 +101,12 @@ class Modal:
             *mode_lines(self.modes, h),
             *self._shape_lines(),
             *complexity_lines(self.geometry, self.listed),
-            f"{len(self.spurious)} clusters of poles come and go with order and window: spurious",
+            f"{counted(len(self.spurious), 'cluster')} of poles that come and go with order and window: spurious",
             *self._unsettled_lines(),
         ]
         if not self.listed:
             lines.append("no mode is stable over orders and windows; record longer, or lower the rate (--decimate)")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.notes])
 
     @property
     def unsettled(self) -> tuple[float, ...]:
@@ -167,7 +170,8 @@ def find_modal(
     outputs: names, default all of the role; inputs are left out. past: window in samples; largest: order of the
     diagram; both default by the data (`diagram`). decimation: factor by which the rate is lowered first. reference:
     output that shapes are scaled to. criteria: of the clusters. blades: sets that go to the fixed frame first, as in
-    `blade_sets.find_sets`. Raises UsageError on settings that cannot be, NotIdentifiable on too few samples.
+    `blade_sets.find_sets`. Samples that read a fill value count as missing, and a note says so (`fill_values`).
+    Raises UsageError on settings that cannot be, NotIdentifiable on too few samples.
     """
     asked = {"decimate": decimation, "past": past, "largest-order": largest}
     check_whole({option: value for option, value in asked.items() if value is not None})
@@ -176,7 +180,17 @@ def find_modal(
     if largest is not None and largest < 2:
         raise UsageError(f"largest order {largest} is not at least 2")
     named = [outputs] if isinstance(outputs, str) else list(outputs or [ALL])
-    alone = of_outputs_alone(in_fixed_frame(records, blades), named)
+    known, filled = without_fill_values(records)
+    with told_with(filled):
+        return replace(_found(known, named, past, largest, decimation, reference, criteria, blades), notes=filled)
+
+
+def _found(
+    records: Sequence[Record], outputs: Sequence[str], past: int | None, largest: int | None, decimation: int,
+    reference: str | None, criteria: Criteria | None, blades: Sequence[str] | str | None,
+) -> Modal:  # fmt: skip
+    """Find the modes as `find_modal`, fill values missing already."""
+    alone = of_outputs_alone(in_fixed_frame(records, blades), outputs)
     at = index_of_reference(alone[0].names("output"), reference)
     seen = [decimate_causally(r, decimation) for r in at_a_glance(alone, "auto", "offset", "auto")]
     scaling = find_scaling(seen)

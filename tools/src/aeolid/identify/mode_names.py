@@ -17,6 +17,7 @@ import numpy as np
 from aeolid.formats.meanings import meaning_of
 from aeolid.models.modes import Mode
 from aeolid.models.multiblade import without_part
+from aeolid.wording import aligned, plus_minus
 
 _SWINGS = 0.5  # damping below which a pair of poles is called a mode of something
 _STRUCTURES = {
@@ -104,19 +105,21 @@ def mode_lines(modes: Sequence[Mode], sample_time_s: float = 0.0) -> list[str]:
     turning = [m for m in kept if m.rotor_order and not m.is_real]
     tones = [m for m in kept if m.tone and not m.is_real and not m.rotor_order]
     width = max([len("mode"), *(len(m.name) for m in [*swinging, *turning, *tones])])
-    lines = (
-        [f"  {'mode':{width}s}  frequency Hz         damping           mostly in"]
-        if swinging or turning or tones
-        else []
-    )
-    lines += [_line(m, width) for m in swinging]
+    shown = [*swinging, *turning, *tones]
+    hertz = ["frequency Hz", *aligned([plus_minus(m.frequency_hz, m.frequency_std_hz) for m in shown])]
+    damping = ["damping", *aligned([plus_minus(m.damping, m.damping_std) for m in shown])]
+    wide = [max(map(len, column)) for column in (hertz, damping)]
+    cells = dict(zip([0, *map(id, shown)], zip(hertz, damping, strict=True), strict=True))
+    rows = {key: f"{f.ljust(wide[0])}  {d.ljust(wide[1])}" for key, (f, d) in cells.items()}
+    lines = [f"  {'mode':{width}s}  {rows[0]}  mostly in"] if shown else []
+    lines += [_line(m, width, rows[id(m)]) for m in swinging]
     if turning:
         lines.append("  on multiples of the rotor's speed, more likely its harmonics than modes:")
-        lines += [_line(m, width) for m in turning]
+        lines += [_line(m, width, rows[id(m)]) for m in turning]
     if tones:
         lines.append("  poles whose damping cannot be told from zero: a lightly damped mode or a periodic force;")
         lines.append("  record longer, or record the azimuth:")
-        lines += [_line(m, width) for m in tones]
+        lines += [_line(m, width, rows[id(m)]) for m in tones]
     if real:
         lines.append(f"  real poles: {'; '.join(_constant(m) for m in real)}")
     if beyond:
@@ -125,15 +128,14 @@ def mode_lines(modes: Sequence[Mode], sample_time_s: float = 0.0) -> list[str]:
     return lines
 
 
-def _line(mode: Mode, width: int) -> str:
+def _line(mode: Mode, width: int, numbers: str) -> str:
     where = max(mode.shares, key=lambda n: mode.shares[n], default="")
     share = f"{where} ({mode.shares[where]:.0%})" if where else ""
     if mode.folded_from_hz is not None:
         share += f", perhaps the image of {mode.folded_from_hz:.4g} Hz"
     if mode.whirl is not None and where and without_part(where)[1]:
         share += f", {mode.whirl.text()}"
-    frequency, damping = _deviation(mode.frequency_std_hz), _deviation(mode.damping_std)
-    return f"  {mode.name:{width}s}  {mode.frequency_hz:8.4f}{frequency}  {mode.damping:7.4f}{damping}  {share}"
+    return f"  {mode.name:{width}s}  {numbers}  {share}".rstrip()
 
 
 def _constant(mode: Mode) -> str:
@@ -144,10 +146,6 @@ def _constant(mode: Mode) -> str:
     if rate == 0:
         return f"an integrator{place}"
     relative = None if mode.frequency_std_hz is None else mode.frequency_std_hz / mode.frequency_hz
-    spread = f" ± {relative / rate:.2g}" if relative is not None and relative < 1 else ""
+    spread = relative / rate if relative is not None and relative < 1 else None
     growing = "grows with " if mode.damping < 0 else ""
-    return f"{growing}{1 / rate:.3g}{spread} s{place}"
-
-
-def _deviation(value: float | None) -> str:
-    return " " * 9 if value is None else f" ± {value:.4f}"
+    return f"{growing}{plus_minus(1 / rate, spread, 3)} s{place}"

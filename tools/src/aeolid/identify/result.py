@@ -18,6 +18,7 @@ from aeolid.identify.outcome import common_facts, fit_lines, model_facts, poles_
 from aeolid.identify.windows import Scaling
 from aeolid.models.modes import Mode
 from aeolid.models.state_space import StateSpace
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 
@@ -124,7 +125,7 @@ class Identification:
     def summary(self) -> str:
         """Return the result as a few lines of text."""
         why = free_run_reason(self.model, self.fit, tuple(s.name for s in self.model.inputs))
-        used = f"{self.windows} windows used, {self.skipped} left out for missing samples"
+        used = f"{counted(self.windows, 'window')} used, {self.skipped} left out for missing samples"
         return "\n".join(
             [
                 self.order_choice.reason,

@@ -14,6 +14,7 @@ from aeolid.identify.request import Request, names
 from aeolid.identify.request_checks import CHOOSING, SCHEDULED
 from aeolid.models.angles import renamed, split_angles
 from aeolid.models.blade_sets import in_fixed_frame
+from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import index_of_reference
 from aeolid.record import require_distinct
@@ -50,13 +51,22 @@ def identify_records(
     """Choose what is left to the recordings of one experiment set, identify, and refuse what is unsound on them.
 
     streamed: Markov parameters of a filter in place of the recordings' own; tell: called with what takes its time.
+    Samples that read a fill value count as missing, and a note says so (`fill_values`).
     Raises UsageError on settings that do not go together, DataError and NotIdentifiable as the methods do.
     """
+    request.check(streamed=streamed is not None)
+    require_distinct(records)
+    records, filled = without_fill_values(records)
+    with told_with(filled):
+        result = _identified(records, request, streamed, tell)
+    return replace(result, notes=(*filled, *result.notes))
+
+
+def _identified(records: Sequence[Record], request: Request, streamed: StreamedMarkov | None, tell: Tell) -> Result:
+    """Identify as `identify_records`, fill values missing already."""
     from aeolid.identify.choices import with_choices_made
     from aeolid.identify.sound import identify_soundly
 
-    request.check(streamed=streamed is not None)
-    require_distinct(records)
     records = list(records) if streamed is not None else in_fixed_frame(records, names(request.blades))
     records, own = of_outputs_alone(records, names(request.outputs)), request.own()
     index_of_reference(records[0].names("output"), request.reference)

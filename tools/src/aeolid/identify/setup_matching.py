@@ -18,6 +18,7 @@ from aeolid.identify.modal import Modal
 from aeolid.identify.setup_shapes import PartShape, part_shape
 from aeolid.models.modes import Mode
 from aeolid.models.shapes import assurance
+from aeolid.wording import plus_minus
 
 Array = NDArray[np.float64]
 NEAR = 0.03  # relative: temperature and moved cables shift a mode by a percent or two between set-ups
@@ -162,7 +163,8 @@ def disagreements(mode: Mode, group: Sequence[Seen], frequency: float, damping: 
 def _disagreement(mode: Mode, group: Sequence[Seen], quantity: str, factor: float, unit: str) -> str:
     name, std = ("frequency_hz", "frequency_std_hz") if quantity == "frequency" else ("damping", "damping_std")
     told = ", ".join(
-        f"{factor * getattr(s.mode, name):.4g} ± {factor * getattr(s.mode, std):.2g} in {s.setup.number}" for s in group
+        f"{plus_minus(factor * getattr(s.mode, name), factor * getattr(s.mode, std))} in {s.setup.number}"
+        for s in group
     )
     return (
         f"mode at {mode.frequency_hz:.4g} Hz: set-ups differ in {quantity} by more than their deviations explain "

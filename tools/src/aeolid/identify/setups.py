@@ -34,6 +34,7 @@ from aeolid.identify.setup_shapes import joined
 from aeolid.models.modes import Mode
 from aeolid.models.shapes import Shape
 from aeolid.models.wire_frame import complexity_lines, geometry_facts
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 
@@ -95,15 +96,18 @@ class MergedModal:
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
-        lines = [f"{len(self.setups)} set-ups, {len(self.outputs)} sensors, references {', '.join(self.references)}"]
+        lines = [
+            f"{len(self.setups)} set-ups, {counted(len(self.outputs), 'sensor')}, references "
+            f"{', '.join(self.references)}"
+        ]
         for s in self.setups:
             others = ", ".join(s.outputs[len(self.references) :]) or "none besides"
             lines.append(
-                f"  set-up {s.number} ({s.source}): {others}; {len(s.modal.listed)} modes, "
+                f"  set-up {s.number} ({s.source}): {others}; {counted(len(s.modal.listed), 'mode')}, "
                 f"{len(s.modal.modes) - len(s.modal.listed)} harmonics and steady sines, level {s.level:.2g}"
             )
         if self.order is not None:
-            lines.append(f"  one realisation of {self.order} states (PreGER)")
+            lines.append(f"  one realisation of {counted(self.order, 'state')} (PreGER)")
         lines += mode_lines(self.listed, self.sample_time_s)
         if self.listed:
             lines += ["  in set-ups, and shapes (amplitude beside the reference, phase in degrees):"]
@@ -144,7 +148,8 @@ def gathered(
     names = named([m.mode for m in modes], None)
     modes = [replace(m, mode=mode) for m, mode in zip(modes, names, strict=True)]
     outputs = [*references, *(name for s in setups for name in s.outputs[len(references) :])]
-    notes = [f"set-up {s.number} ({s.source}) shows no mode" for s in setups if not s.modal.listed]
+    notes = [note for s in setups for note in s.modal.notes]
+    notes += [f"set-up {s.number} ({s.source}) shows no mode" for s in setups if not s.modal.listed]
     if len(references) == 1 and _crowded(modes):
         notes.append("with one reference near modes are told apart by frequency alone; two or more are better")
     geometry = united(s.modal.geometry for s in setups)

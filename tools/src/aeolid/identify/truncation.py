@@ -22,6 +22,8 @@ from aeolid.identify.order import worth_a_state
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order, least_squares, system_matrices
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import WindowFactor
+from aeolid.models.modes import pole_words
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -57,7 +59,8 @@ class WindowCheck:
     """Hold whether the deviations hold for a window: holds is None where nothing longer could be tried.
 
     past, compared: the windows in samples; frequency_hz, apart: of the pole that moves most, and by how many
-    deviations; reason: a sentence, empty where they hold.
+    deviations; reason: a sentence, empty where they hold; missed: whether the window has no such pole, and only the
+    longer one shows it.
     """
 
     holds: bool | None
@@ -66,6 +69,7 @@ class WindowCheck:
     frequency_hz: float | None
     apart: float
     reason: str
+    missed: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Return the check as JSON facts."""
@@ -112,7 +116,10 @@ def compare_windows(short: WindowFit, longer: Sequence[WindowFit], sample_time_s
     in one of them, and the known modes of the last one in the short window.
     """
     missed = [(p, d) for p, d in _distances(longer[-1], short) if _pace(p) * short.past < SLOW * 2 * np.pi]
-    worst, apart = max([*_moved(short, longer), *missed], key=_second, default=(0j, 0.0))
+    worst, apart = max(_moved(short, longer), key=_second, default=(0j, 0.0))
+    only = apart <= APART  # a pole of the window's own is named before one that it has not
+    if only:
+        worst, apart = max([(worst, apart), *missed], key=_second)
     slowest = min((complex(p) for p in short.poles if abs(p) > 0), key=_pace, default=0j)
     gain = short.log_power - longer[-1].log_power
     if apart <= APART:
@@ -122,19 +129,25 @@ def compare_windows(short: WindowFit, longer: Sequence[WindowFit], sample_time_s
         worst = slowest
     return WindowCheck(
         False, short.past, longer[-1].past, float(_pace(worst) / (2 * np.pi * sample_time_s)), float(apart),
-        _too_short(short, longer[-1], worst, apart, gain, sample_time_s),
+        _too_short((short, longer[-1]), worst, apart, gain, sample_time_s, only), only,
     )  # fmt: skip
 
 
-def _too_short(short: WindowFit, long: WindowFit, worst: complex, apart: float, gain: float, step: float) -> str:
-    frequency = _pace(worst) / (2 * np.pi * step)
-    if apart > APART:
-        found = f"the mode near {frequency:.3g} Hz differs by {min(apart, 999):.0f} standard deviations"
-    else:
+def _too_short(
+    fits: tuple[WindowFit, WindowFit], worst: complex, apart: float, gain: float, step: float, missed: bool
+) -> str:
+    """Return why the first of two windows is too short, with the pole that moves most, or that it misses."""
+    (short, long), pole = fits, pole_words(_pace(worst) / (2 * np.pi * step), worst.imag == 0)
+    slowest = min((_pace(p) for p in (*short.poles, worst) if abs(p) > 0), default=0.0)
+    if apart <= APART:
         found = f"the error power is lower by {-np.expm1(-gain):.0%}"
+    elif missed:
+        found = f"{pole} appears, {min(apart, 999):.0f} standard deviations from all that this window shows"
+    else:
+        found = f"{pole} differs by {min(apart, 999):.0f} standard deviations"
     return (
-        f"the past window of {short.past} samples ({short.past * step:.4g} s; the slowest period is near "
-        f"{1 / max(frequency, 1e-9):.3g} s) is too short: with {long.past} samples {found}; "
+        f"the past window of {counted(short.past, 'sample')} ({short.past * step:.4g} s; the slowest period is near "
+        f"{2 * np.pi * step / max(slowest, 1e-9):.3g} s) is too short: with {counted(long.past, 'sample')} {found}; "
         "standard deviations do not hold"
     )
 

@@ -16,10 +16,11 @@ from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.residuals import ResidualReport, ResidualTest, run_residual_tests
 from aeolid.models.divergence import Divergence
 from aeolid.models.equations_names import own_names
+from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.load import LinearModel, Model, discretise, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.models.prediction import complete_stretches
-from aeolid.models.rate import holds_of
+from aeolid.models.rate import at_rate_of, holds_of, rate_of
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -28,12 +29,16 @@ LONGEST_STEP = 100_000  # samples of a k-step prediction
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Hold the fit of a model on one recording; what needs a noise model is None where there is none."""
+    """Hold the fit of a model on one recording; what needs a noise model is None where there is none.
+
+    notes: what was done to the samples first, plain warnings.
+    """
 
     free_run: Score
     fit: Fit | None
     residuals: ResidualReport | None
     divergence: Divergence | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def driven(self) -> bool:
@@ -54,7 +59,7 @@ class Validation:
         if self.residuals is not None:
             facts["residuals"] = self.residuals.to_json()
         facts["divergence"] = None if self.divergence is None else self.divergence.to_json()
-        return facts | {"advice": list(self.advice)}
+        return facts | {"advice": list(self.advice), "notes": list(self.notes)}
 
     def _of_another_plant(self) -> tuple[str, ...]:
         """Return what to check where predictions and free run are both worse than the mean, or predictions diverge."""
@@ -109,7 +114,7 @@ class Validation:
 
     def summary(self) -> str:
         """Return a few lines of text."""
-        lines = [] if self.divergence is None else [f"WARNING: {self.divergence.text()}"]
+        lines = [*self.notes, *([] if self.divergence is None else [f"WARNING: {self.divergence.text()}"])]
         for name in self.free_run.vaf:
             lines.append(f"{name}\n    free run  {self.free_run.text(name)}" if self.driven else name)
             if self.fit is not None:
@@ -117,9 +122,9 @@ class Validation:
                 lines += [f"  {k:4d} steps  {s.text(name)}" for k, s in self.fit.steps.items()]
         if self.residuals is None:
             return "\n".join([*lines, "no noise model: one-step prediction and residual tests are not available"])
-        lines.append(f"innovations: {self.residuals.verdict} ({len(self.residuals.tests)} tests, level 1 % together)")
+        lines.append(self.residuals.text())
         for test in self.residuals.tests:
-            if test.verdict != "pass":
+            if test.verdict in ("fail", "immaterial"):
                 past = "its own past" if test.against == test.output else f"{test.against}'s past"
                 if test.kind == "feedthrough":
                     past = f"{test.against} of the same sample"
@@ -143,6 +148,19 @@ def horizons(steps: Iterable[int]) -> tuple[int, ...]:
         told = ",".join(map(str, values))
         raise UsageError(f"--steps {told}: every horizon must be within 1 … {LONGEST_STEP} samples")
     return tuple(v for v in values if v > 1)
+
+
+def validate_recording(model: Model, record: Record, steps: Iterable[int] = ()) -> tuple[Validation, Record]:
+    """Validate a model on a recording as it was read; returns the recording as it was used, too.
+
+    Samples that read a fill value count as missing, and a note says so (`fill_values`); a recording of a shorter sample
+    time is brought to the model's; horizons that it is too short for are left out. Raises as `validate_model`.
+    """
+    (known,), notes = without_fill_values([record])
+    with told_with(notes):
+        used = at_rate_of(rate_of(model), known)
+        found = validate_model(model, used, tuple(k for k in steps if k < len(used)))
+    return replace(found, notes=notes), used
 
 
 def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:

@@ -20,6 +20,7 @@ from scipy.linalg import lapack
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.magnitudes import require_magnitude
 from aeolid.record import Record, require_same_layout
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 CONSTANT = 1e-10  # spread below this fraction of the size is rounding, not signal
@@ -201,7 +202,8 @@ def require_windows(
         return
     lost = f" ({most - found} more hold a missing sample)" if most > found else ""
     raise NotIdentifiable(
-        f"{records[0].source}: {found} complete windows of {lead + 1} samples{lost}; past window {past} with {channels}"
+        f"{records[0].source}: {counted(found, 'complete window')} of {lead + 1} samples{lost}; past window "
+        f"{past} with {channels}"
         f" channels needs at least {needed}, that is {needed + lead} samples without a gap;"
         " record longer or use a shorter past window"
     )

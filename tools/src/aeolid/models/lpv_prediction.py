@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.decompositions import lstsq
 from aeolid.errors import DataError
+from aeolid.models.gap_gains import GapGains
 from aeolid.models.load import matched, require_sample_time
 from aeolid.models.lpv import LpvStateSpace, apply_at, run_scheduled, with_one
 from aeolid.models.model_file import Signal
@@ -24,8 +25,8 @@ LARGEST = 1e100  # of an unstable predictor; beyond it least squares lose their 
 def predictor_states(model: LpvStateSpace, u: Array, y: Array, mu: Array, x0: Array) -> Array:
     """Return the states x_0 … x_N of the predictor, eq. (3): (N + 1, n).
 
-    u (N, r), y (N, l) deviations from the operating point; mu (N, m) with the leading one. A missing y counts as what
-    is predicted of it: its innovation is zero.
+    u (N, r), y (N, l) deviations from the operating point; mu (N, m) with the leading one. Around missing y the gain is
+    that of `gap_gains`, with the matrices of each sample; K of those that are there where the model has no covariance.
     """
     forced = apply_at(model.B, mu, u) + mu @ model.b
     if model.K is None:
@@ -34,11 +35,11 @@ def predictor_states(model: LpvStateSpace, u: Array, y: Array, mu: Array, x0: Ar
     direct = np.where(known, y, 0.0) - apply_at(model.D, mu, u)
     states = np.empty((len(u) + 1, model.order))
     states[0] = x0
-    step = 1 << 14
+    step, gaps = 1 << 14, GapGains(model.innovation_covariance, model.order)
     for start in range(0, len(u), step):
         part = slice(start, start + step)
         A, C, K = (np.tensordot(mu[part], matrix, axes=1) for matrix in (model.A, model.C, model.K))
-        K = K * known[part][:, None, :]
+        K = gaps.around(A, C, K, known[part])
         transition = A - K @ C
         pushed = forced[part] + np.einsum("kij,kj->ki", K, direct[part])
         for k, matrix in enumerate(transition):
@@ -58,7 +59,10 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
     known: Flags = np.isfinite(y)
     innovation = np.where(known, y, 0.0) - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)  # (N, l)
     A, C = (np.tensordot(mu, matrix, axes=1) for matrix in (model.A, model.C))
-    transition = A if model.K is None else A - (np.tensordot(mu, model.K, axes=1) * known[:, None, :]) @ C
+    transition = A
+    if model.K is not None:
+        gaps = GapGains(model.innovation_covariance, model.order)
+        transition = A - gaps.around(A, C, np.tensordot(mu, model.K, axes=1), known) @ C
     rows, product = np.empty((horizon, y.shape[1], model.order)), np.eye(model.order)
     for k in range(horizon):
         rows[k] = C[k] @ product * weight[:, None]

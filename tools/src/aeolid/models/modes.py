@@ -108,6 +108,17 @@ def frequency_and_damping(s: complex) -> tuple[float, float]:
     return size / (2 * np.pi), (-s.real / size if size > 0 else 0.0)
 
 
+def pole_words(frequency_hz: float, is_real: bool) -> str:
+    """Return what a sentence calls a pole, as lists of modes tell it: by frequency, or a real pole by time constant.
+
+    >>> pole_words(0.33, False), pole_words(0.02, True)
+    ('the mode near 0.33 Hz', 'the real pole of 7.96 s')
+    """
+    if is_real and frequency_hz > 0:
+        return f"the real pole of {1 / (2 * np.pi * frequency_hz):.3g} s"
+    return f"the mode near {frequency_hz:.3g} Hz"
+
+
 def modes_of(
     model: StateSpace, *, output_scale: Array | None = None, pole_covariance: NDArray[np.float64] | None = None
 ) -> tuple[Mode, ...]:

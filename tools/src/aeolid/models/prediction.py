@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.decompositions import lstsq
+from aeolid.models.gap_gains import GapGains
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 BRIDGED = 10  # samples in a row that an output may be missing before the predictor starts anew
-FADED = 1e-4  # of the noise in a step: what a gap has added to the state's covariance then shows in no error
 
 
 def gain(model: StateSpace) -> Array:
@@ -23,55 +23,24 @@ def gain(model: StateSpace) -> Array:
     return np.zeros((model.order, len(model.outputs))) if model.K is None else model.K
 
 
-def gains_around_gaps(model: StateSpace, known: Flags) -> dict[int, Array]:
-    """Return the gain (n, l) of each sample k whose gain is not K, for outputs that are missing: known (N, l).
-
-    Kalman's filter of x⁺ = A x + K e, y = C x + e, cov e = R, with the outputs o that are there: with P the covariance
-    of the state, S = C_o P C_oᵀ + R_oo and G = (A P C_oᵀ + K R_o) S⁻¹ it is P⁺ = A P Aᵀ + K R Kᵀ − G S Gᵀ (Anderson and
-    Moore 1979, section 5.5). P is zero before the first gap, and again where it has FADED. Without R, which the model
-    may lack, K stays for the outputs that are there.
-    """
-    K, gaps = gain(model), np.flatnonzero(~known.all(axis=1))
-    R = model.innovation_covariance
-    if R is None or not np.isfinite(R).all() or np.linalg.eigvalsh(R)[0] <= 0:
-        return {int(k): K * known[k] for k in gaps}
-    cross, there = K @ R, known.astype(np.float64)
-    noise, out = cross @ K.T, {}
-    least = FADED * np.linalg.norm(noise)
-    for first in gaps:
-        k, P = int(first), np.zeros_like(noise)
-        while k not in out and k < len(known):
-            C, S = model.C, R
-            if not known[k].all():  # an output that is missing has a row of zeros and its own unit of variance
-                C = C * there[k][:, None]
-                S = R * np.outer(there[k], there[k]) + np.diag(1 - there[k])
-            PC = P @ C.T
-            S = S + C @ PC
-            moved = model.A @ PC + cross * there[k]
-            G = np.linalg.solve(S, moved.T).T
-            P = model.A @ P @ model.A.T + noise - G @ moved.T
-            out[k], k = G, k + 1
-            if np.vdot(P, P) <= least**2:
-                break
-    return out
-
-
 def predictor_states(model: StateSpace, u: Array, y: Array, x0: Array) -> Array:
     """Return the states x_0 … x_N of the predictor x⁺ = (A − K C) x + (B − K D) u + K y, paper 000 eq. (6).
 
     u (N, r), y (N, l) deviations from the operating point; returns (N + 1, n). Around missing y the gain is that of
-    `gains_around_gaps`.
+    `gap_gains`.
     """
-    K = gain(model)
+    A, C, K = model.A, model.C, gain(model)
     known: Flags = np.isfinite(y)
-    y = np.where(known, y, 0.0)
-    closed, forced = model.A - K @ model.C, u @ (model.B - K @ model.D).T + y @ K.T
+    driven, direct = u @ model.B.T, np.where(known, y, 0.0) - u @ model.D.T
+    closed, forced = A - K @ C, driven + direct @ K.T
     states, start = np.empty((len(u) + 1, model.order)), 0
     states[0] = x0
-    for k, G in gains_around_gaps(model, known).items():
-        states[start : k + 1] = run_states(closed, forced[start:k], states[start])
-        states[k + 1] = (model.A - G @ model.C) @ states[k] + (model.B - G @ model.D) @ u[k] + G @ y[k]
-        start = k + 1
+    for rows, gains in GapGains(model.innovation_covariance, model.order).of(A, C, K, known):
+        for k, G in zip(rows, gains, strict=True):
+            if k > start:
+                states[start : k + 1] = run_states(closed, forced[start:k], states[start])
+            states[k + 1] = A @ states[k] + driven[k] + G @ (direct[k] - C @ states[k])
+            start = k + 1
     states[start:] = run_states(closed, forced[start:], states[start])
     return states
 
@@ -88,13 +57,13 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     with np.errstate(all="ignore"):  # an unstable predictor overflows: those samples are left out
         states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
         innovation = np.where(known, y, 0.0) - states @ model.C.T - u @ model.D.T  # (N, l)
-    K, others = gain(model), gains_around_gaps(model, known)
+    gains = GapGains(model.innovation_covariance, model.order).around(model.A, model.C, gain(model), known)
     rows = np.empty((horizon, len(model.outputs), model.order))
     block, power = model.C * weight[:, None], np.eye(model.order)
     with np.errstate(all="ignore"):
         for k in range(horizon):
             rows[k] = block @ power
-            power = (model.A - others.get(k, K) @ model.C) @ power
+            power = (model.A - gains[k] @ model.C) @ power
         good = np.asarray(np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1))
     if not good.all() and model.K is not None:  # of an unstable predictor: the rows left say nothing of the start
         return estimate_initial_state(replace(model, K=None), u, y)

@@ -9,6 +9,7 @@ from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.models.equations import Equations, InputFilter, Parameter
 from aeolid.models.intersample import OFFSET, PREFIX
 from aeolid.record import Record
+from aeolid.wording import counted
 
 FEWEST = 10  # long samples; fewer are no recording
 AVERAGED = ("input", "disturbance", "excitation", "scheduling")  # what acts all through a sample
@@ -36,7 +37,8 @@ def decimate_causally(record: Record, factor: int) -> Record:
     count = len(record) // factor
     if count < FEWEST:
         raise NotIdentifiable(
-            f"{record.source}: {len(record)} samples; decimation by {factor} needs at least {FEWEST * factor}"
+            f"{record.source}: {counted(len(record), 'sample')}; decimation by {factor} needs at least "
+            f"{FEWEST * factor}"
         )
     rows = record.values[: count * factor]
     values = rows[::factor].copy()

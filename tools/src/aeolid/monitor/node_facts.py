@@ -10,7 +10,8 @@ from aeolid.can.clock import ClockKeeper
 from aeolid.filters.settings import HEALTH
 from aeolid.monitor.innovations import LAGS, LEVEL
 from aeolid.monitor.track import Track, oscillating, round_to
-from aeolid.monitor.wording import clock_facts, drift_text, harmonics_text, range_95, with_deviation
+from aeolid.monitor.wording import clock_facts, drift_text, harmonics_text, range_95
+from aeolid.wording import plus_minus
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -112,9 +113,9 @@ def _mode(m: LiveMode) -> dict[str, Any]:
         "mode": m.number, "frequency_hz": _finite(mode.frequency_hz),
         "frequency_std_hz": _finite(mode.frequency_std_hz), "damping": _finite(mode.damping),
         "damping_std": _finite(mode.damping_std),
-        "frequency": with_deviation(mode.frequency_hz, mode.frequency_std_hz),
+        "frequency": plus_minus(mode.frequency_hz, mode.frequency_std_hz),
         "frequency_95": range_95(mode.frequency_hz, mode.frequency_std_hz),
-        "damping_percent": with_deviation(100 * mode.damping, percent),
+        "damping_percent": plus_minus(100 * mode.damping, percent),
         "damping_95": range_95(100 * mode.damping, percent),
         "mostly_in": max(mode.shares, key=lambda name: mode.shares[name]), "name": mode.name,
     }  # fmt: skip

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from aeolid.wording import counted
+
 Facts = dict[str, Any]
 SILENT_S = 10.0  # without a frame before that is worth a word; health comes at least as often at usual settings
 LOST = 0.01  # part of the values that may be lost before that is
@@ -58,10 +60,13 @@ def _of_bus(f: Facts) -> Iterator[Facts]:
     elif bus["frames"] and not f["nodes"] and bus["seconds"] >= SILENT_S:
         yield _alarm("There are frames, none of them from a node.", "Does the node use another --base?")
     if bus["overrun"]:
-        yield _alarm(f"The interface has dropped {bus['overrun']} frames.", "The host is too slow: end other programs.")
+        yield _alarm(
+            f"The interface has dropped {counted(bus['overrun'], 'frame')}.",
+            "The host is too slow: end other programs.",
+        )
     if bus["damaged"] or bus["garbled"]:
         yield _note(
-            f"{bus['damaged']} frames damaged, {bus['garbled']} lines garbled.",
+            f"{counted(bus['damaged'], 'frame')} damaged, {counted(bus['garbled'], 'line')} garbled.",
             "Use a slower serial line or a faster adapter; seals on the node keep samples near them believed.",
         )
     if bus["errors"]:
@@ -117,7 +122,7 @@ def _losses(n: Facts) -> Iterator[Facts]:
         )
     if n["left_out"]:
         yield _alarm(
-            f"The modes were left without {n['left_out']} samples.",
+            f"The modes were left without {counted(n['left_out'], 'sample')}.",
             "The host is too slow for them: a smaller --order or longer --poles-every helps. The recording has them.",
         )
 

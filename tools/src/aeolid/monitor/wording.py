@@ -34,16 +34,8 @@ def harmonics_text(modes: Sequence[LiveMode]) -> str:
     return ", ".join(f"{m.frequency_hz:.4g} Hz" + (f" ({m.name})" if m.name else "") for m in found)
 
 
-def with_deviation(value: float, deviation: float | None) -> str:
-    """Write a number with its standard deviation, to two digits of it; four digits where that is not known."""
-    if deviation is None or not deviation > 0:
-        return f"{value:.4g}"
-    digits = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
-    return f"{value:.{digits}f} ± {deviation:.{digits}f}"
-
-
 def range_95(value: float, deviation: float | None) -> str:
-    """Write the interval that holds 95 %, as sharp as `with_deviation`; empty where the deviation is not known."""
+    """Write the interval that holds 95 %, as sharp as `plus_minus`; empty where the deviation is not known."""
     if deviation is None or not deviation > 0:
         return ""
     digits = min(max(1 - math.floor(math.log10(deviation)), 0), 6)

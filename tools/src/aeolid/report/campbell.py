@@ -7,8 +7,9 @@ from typing import Any
 
 from aeolid.report import charts
 from aeolid.report.campbell_chart import draw, has_wind
-from aeolid.report.markup import Html, figure, section, table, tag, write_page
+from aeolid.report.markup import Html, figure, notes_part, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 
@@ -16,11 +17,12 @@ Facts = dict[str, Any]
 def render_campbell(facts: Facts, path: str | Path, title: str) -> None:
     """Write one page from the facts of a Campbell diagram (`Campbell.to_json`)."""
     runs, tracks = facts["runs"], facts["tracks"]
-    found = f"{len(tracks)} modes followed over {len(runs)} recordings, by their outputs alone."
+    found = f"{counted(len(tracks), 'mode')} followed over {len(runs)} recordings, by their outputs alone."
     write_page(
         path, title, tag("h1", title), tag("p", found), _picture(facts),
         section("Modes", _table(facts, _hertz, "frequency (Hz)"), _table(facts, _damping, "damping (%)"), _note()),
-        section("On the blades", _on_blades(facts)), _others(facts), _recordings(runs),
+        section("On the blades", _on_blades(facts)), _others(facts),
+        notes_part([note for r in runs for note in r["notes"]]), _recordings(runs),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from aeolid.report.pair import sides
 from aeolid.report.ranking import Named, called, label_of, ranking
 from aeolid.report.turn import NOT_DRAWN, both_over_turn, errors_over_turn, turns_with_rotor
 from aeolid.report.where import maps
-from aeolid.wording import place
+from aeolid.wording import counted, place
 
 Facts = dict[str, Any]
 _DEVIATION = "± is one standard deviation."
@@ -176,7 +176,7 @@ def _not_excluded(entries: list[Facts]) -> Html:
         for (identifier, entry), found in sizes.items()
     ]  # fmt: skip
     rest = f"These data say nothing about: {'; '.join(sorted(untold))}." if untold else None
-    many = "1 effect" if len(tested) == 1 else f"{len(tested)} effects"
+    many = counted(len(tested), "effect")
     return section(
         "What this recording cannot exclude",
         tag("p", f"{many} may be present below the size that would have been found.") if rows else None,

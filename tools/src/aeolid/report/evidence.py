@@ -13,7 +13,7 @@ from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import is_open, number, percent, unit_of, with_std
 from aeolid.report.ranking import called, label_of
 from aeolid.report.zoom import MOST_SAMPLES, Line, Panel, zoomed
-from aeolid.wording import spoken
+from aeolid.wording import counted, spoken
 
 Facts = dict[str, Any]
 _ZOOM_SAMPLES = 400  # what can be followed by eye on the width of a page
@@ -159,13 +159,14 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
     ]  # fmt: skip
     head = ["effect", "#statistic", "#p value", "#one-step estimate", "#smallest found", "unit", "in the catalogue"]
     caption = (
-        f"{len(bank)} hypotheses, each an effect at a place. A score test says without a fit whether an effect is worth"
-        " one; what is named is decided by the gain of the fits. A score to the right of its orange tick is"
-        " significant; blue: named above. Errors that the model's own parameters could explain are projected out."
+        f"{len(bank)} {'hypothesis' if len(bank) == 1 else 'hypotheses'}, each an effect at a place. A score test says"
+        " without a fit whether an effect is worth one; what is named is decided by the gain of the fits. A score to"
+        " the right of its orange tick is significant; blue: named above. Errors that the model's own parameters could"
+        " explain are projected out."
     )
     if len(shown) < len(bank):
         caption += f" Shown: the {_MOST_BARS} with the largest scores, and what is named."
-    numbers = folded(f"The numbers of {len(rows)} effects", table(head, rows))
+    numbers = folded(f"The numbers of {counted(len(rows), 'effect')}", table(head, rows))
     return section("Score test of every effect", figure(drawing.svg, caption), numbers)
 
 

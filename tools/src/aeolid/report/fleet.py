@@ -18,6 +18,7 @@ from aeolid.report.fleet_charts import (
 )
 from aeolid.report.markup import Html, figure, folded, join, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 _MOST_ROWS = 30  # of a table that stands open
@@ -41,7 +42,7 @@ def render_fleet(facts: Facts, path: str | Path) -> None:
 
 def _summary(facts: Facts) -> str:
     count, usable = facts["recordings"], facts["usable"]
-    parts = [f"{usable} of {count} recordings used, {len(facts['periods'])} periods modelled"]
+    parts = [f"{usable} of {counted(count, 'recording')} used, {counted(len(facts['periods']), 'period')} modelled"]
     if facts["skipped"]:
         parts.append(f"{len(facts['skipped'])} entries left out, each with its reason below")
     return "; ".join(parts) + "."
@@ -73,7 +74,9 @@ def _drifts(facts: Facts) -> Html:
             "#damping (%)", "#change (points)", "#|z|"]  # fmt: skip
     note = "Change in the table: of a weighted straight line over all periods; |z|: its standard deviations."
     shown = join([tag("p", note, class_="soft"), table(head, rows)])
-    return section("Drift of modes", *told, shown if len(rows) <= _MOST_ROWS else folded(f"{len(rows)} modes", shown))
+    return section(
+        "Drift of modes", *told, shown if len(rows) <= _MOST_ROWS else folded(counted(len(rows), "mode"), shown)
+    )
 
 
 def _turbine(facts: Facts, name: str, colours: Colours) -> Html:

@@ -17,6 +17,7 @@ from aeolid.models.projections import AXES, placed, views_of
 from aeolid.models.wire_frame import DISPLACEMENT, REACH, Frame, Motion, frame_of, mode_motions
 from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import number, percent
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
@@ -197,7 +198,10 @@ def _geometry(frame: Frame, window: _Window) -> Html:
         arrows = "".join(_arrow(window.flat(ends, i)) for i in range(len(window.views)))
         if arrows:
             parts.append(tag("g", tag("title", f"{name} ({unit or '1'})"), Html(f'<path class="arrow" d="{arrows}"/>')))
-    text = f"{len(frame.sensors)} sensors and the directions they measure along; point at an arrow for its name."
+    text = (
+        f"{counted(len(frame.sensors), 'sensor')} and the directions they measure along; point at an arrow "
+        "for its name."
+    )
     return figure(_drawing(window, parts, False, text), text)
 
 

@@ -176,3 +176,8 @@ def write_page(path: str | Path, title: str, *parts: object) -> None:
     last = Html(f"<script>{script()}</script>") if moves else None
     page = Html("<!doctype html>\n") + tag("html", head, tag("body", _with_contents(body), footer, last), lang="en")
     output.write_text(path, page + "\n")
+
+
+def notes_part(notes: list[str]) -> Html | None:
+    """Build the section of what is to be noted, None where there is nothing."""
+    return section("To be noted", tag("ul", *(tag("li", note) for note in notes))) if notes else None

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from aeolid.wording import last_place
+
 OPEN = "not determined by these data"
 _LOOSE = 10.0  # times a value that its deviation may be before the value says nothing
 _FURTHEST = 1e15  # of a value in any unit of this trade; beyond it a fit has run away
@@ -41,7 +43,7 @@ def with_std(value: Any, std: Any, digits: int = 3) -> str:
         return number(value, digits)
     if is_loose(value, std):
         return f"{number(value, digits)} ({OPEN})"
-    last = math.floor(math.log10(std)) - 1
+    last = last_place(std)
     if not -6 <= last <= 4 or std >= abs(value):  # an uncertainty beyond the value must not hide the value
         return f"{number(value, digits)} ± {number(std, 2)}"
     decimals = max(0, -last)

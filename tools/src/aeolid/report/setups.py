@@ -7,10 +7,11 @@ from typing import Any
 
 from aeolid.report.frames import frames_part
 from aeolid.report.identification import mode_table
-from aeolid.report.markup import Html, folded, section, table, tag, write_page
+from aeolid.report.markup import Html, folded, notes_part, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
 from aeolid.report.shapes import shapes_part
 from aeolid.report.stabilisation import criteria_table, diagram_part
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 
@@ -18,7 +19,7 @@ Facts = dict[str, Any]
 def render_setups(facts: Facts, path: str | Path, title: str) -> None:
     """Write one page from the facts of merged set-ups (`MergedModal.to_json`)."""
     modes, setups = facts["modes"], facts["setups"]
-    found = f"{len(modes)} mode{'s' if len(modes) != 1 else ''} of {len(facts['outputs'])} sensors in {len(setups)} "
+    found = f"{counted(len(modes), 'mode')} of {counted(len(facts['outputs']), 'sensor')} in {len(setups)} "
     found += f"set-ups, merged by the references {', '.join(facts['references'])}"
     order = facts["order"]
     found += ", mode by mode (PoSER)." if order is None else f", to one realisation of {order} states (PreGER)."
@@ -26,7 +27,7 @@ def render_setups(facts: Facts, path: str | Path, title: str) -> None:
     write_page(
         path, title, tag("h1", title), tag("p", found),
         section("Modes", mode_table([(m, None) for m in modes], False)) if modes else None,
-        section("To be noted", tag("ul", *(tag("li", note) for note in notes))) if notes else None,
+        notes_part(notes),
         frames_part(facts), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("What each set-up says", _by_setup(modes, len(setups)), tag("p", _SAYS, class_="soft")),
         *(_setup(i, setup, facts["references"]) for i, setup in enumerate(setups)),

@@ -14,9 +14,10 @@ import numpy as np
 
 from aeolid.report.frames import frames_part
 from aeolid.report.identification import mode_table
-from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
+from aeolid.report.markup import Html, figure, join, notes_part, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, with_std
 from aeolid.report.shapes import shapes_part
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 _NORMAL = 1.96  # 95 %
@@ -34,15 +35,15 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
     """Write one page from the facts of a modal analysis (`Modal.to_json`)."""
     modes, lines = facts["modes"], facts["harmonics"]
     step = facts["sample_time_s"]
-    found = f"{len(modes)} mode{'s' if len(modes) != 1 else ''}, {len(lines)} harmonics and steady sines, from "
-    found += f"{len(facts['outputs'])} outputs at {number(1 / step, 3)} samples a second."
+    found = f"{counted(len(modes), 'mode')}, {len(lines)} harmonics and steady sines, from "
+    found += f"{counted(len(facts['outputs']), 'output')} at {number(1 / step, 3)} samples a second."
     write_page(
         path, title, tag("h1", title), tag("p", found), diagram_part(facts),
         section("Modes", mode_table([(m, None) for m in modes], False), _stability(modes)) if modes else None,
         section("On the blades", _whirls(modes)), frames_part(facts),
         shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
-        section("Criteria", criteria_table(facts)),
+        notes_part(facts.get("notes") or []), section("Criteria", criteria_table(facts)),
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from aeolid.report import charts
 from aeolid.report.charts import DOT
 from aeolid.report.markup import Html, figure, join, table, tag
 from aeolid.report.numbers import number
+from aeolid.wording import counted
 
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
@@ -76,7 +77,7 @@ def time_map(cells: list[Facts]) -> Html:
         for column, source in enumerate(shown):
             charts.titled(drawing.axes[0, column], source if len(shown) > 1 else "", 8.5)
             drawing.axes[1, column].set_xlabel("time (s)")
-    rest = f" Shown: {len(shown)} of {len(sources)} recordings." if len(shown) < len(sources) else ""
+    rest = f" Shown: {len(shown)} of {counted(len(sources), 'recording')}." if len(shown) < len(sources) else ""
     caption = (
         "The same innovations by channel and stretch of time, over the data of the fit. Above: their mean less that of"
         " the whole, in standard deviations; below: their power relative to that of the whole. A dot marks a stretch"

@@ -19,6 +19,7 @@ from aeolid.errors import DataError
 from aeolid.models.equations import Equations
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 SWAPPED = "swapped"  # the check of two outputs under each other's name
@@ -215,7 +216,10 @@ def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
     coded, alone, dropped = codes_of(v), strays_of(v), dropouts_of(v)
     if np.any(coded):
         code, most = float(v[coded][0]), float(coded.mean()) > rules.missing_share
-        text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value; they are left out"
+        text = (
+            f"{counted(int(coded.sum()), 'sample', ('reads', 'read'))} {code:g}, a usual code for a missing "
+            "value; left out"
+        )
         found.append(Finding("code", where, text, "fault" if most else "warning", not most))
     if is_output and np.any(dropped):
         text = (
@@ -225,7 +229,9 @@ def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
     if np.any(alone):
         first = int(np.flatnonzero(alone)[0])
         far = f"{rules.stray_spreads:g} spreads off"
-        text = f"{int(alone.sum())} single samples lie more than {far}, the first {v[first]:.4g}"
+        text = (
+            f"{counted(int(alone.sum()), 'single sample', ('lies', 'lie'))} more than {far}, the first {v[first]:.4g}"
+        )
         found.append(Finding("spike", where, text + ("; left out" if is_output else ""), "warning", is_output))
     return found
 

@@ -16,6 +16,7 @@ from aeolid.models.equations import Equations
 from aeolid.models.exchange.fmu import Fmu
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 
@@ -197,7 +198,7 @@ def _value(stretch: Stretch, records: Sequence[Record]) -> float:
 def words(stretch: Stretch, channel: Channel, record: Record) -> str:
     """Say what a stretch is."""
     value = float(record.column(stretch.channel)[stretch.start])
-    rows = f"the same value {value:.6g} {channel.unit}".rstrip() + f" for {len(stretch)} samples in a row"
+    rows = f"the same value {value:.6g} {channel.unit}".rstrip() + f" for {counted(len(stretch), 'sample')} in a row"
     at = f"from {record.time_s[stretch.start]:.6g} s"
     return {
         "rest": f"{rows} {at}, and no input drives it: a machine at rest; what follows its coming to rest is left out",

@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.rules import in_force
+from aeolid.models.fill_values import far_off, fill_values_in
 
 Array = NDArray[np.float64]
-_CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
 
 
 def codes_of(values: Array) -> NDArray[np.bool_]:
     """Tell which samples hold a usual code for "no value" far outside everything else."""
-    found: NDArray[np.bool_] = _far_off(values) & np.isin(values, _CODES)
-    return found
+    return fill_values_in(values, in_force().data.stray_spreads)
 
 
 def strays_of(values: Array) -> NDArray[np.bool_]:
@@ -22,7 +21,7 @@ def strays_of(values: Array) -> NDArray[np.bool_]:
 
     None where these are more than one in a thousand; of a short recording one may be.
     """
-    away, coded = _far_off(values), codes_of(values)
+    away, coded = far_off(values, in_force().data.stray_spreads), codes_of(values)
     if int(away.sum()) > max(1.0, in_force().data.stray_share * len(values)):
         return np.zeros(len(values), dtype=bool)
     beside = np.concatenate([[False], away, [False]])
@@ -59,17 +58,6 @@ def _in_short_runs(at: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
         if stop - start > longest:
             found[start:stop] = False
-    return found
-
-
-def _far_off(values: Array) -> NDArray[np.bool_]:
-    good = values[np.isfinite(values)]
-    if not len(good):
-        return np.zeros(len(values), dtype=bool)
-    centre = float(np.median(good))
-    size = float(np.median(np.abs(good - centre))) * 1.4826 or float(np.std(good))
-    with np.errstate(invalid="ignore"):
-        found: NDArray[np.bool_] = np.abs(values - centre) > in_force().data.stray_spreads * size
     return found
 
 

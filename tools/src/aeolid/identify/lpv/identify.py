@@ -33,6 +33,7 @@ from aeolid.models.model_file import Signal
 from aeolid.models.periodic import angle_of
 from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 METHODS = ("lpv", "lpv-kernel")
@@ -312,7 +313,10 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     if data.skipped:
-        notes.append(f"{data.skipped} windows with a missing sample were left out, {data.windows} used")
+        notes.append(
+            f"{counted(data.skipped, 'window')} with a missing sample "
+            f"{'was' if data.skipped == 1 else 'were'} left out, {data.windows} used"
+        )
     if settings.offsets:
         notes.append("signals are taken about their mean, with a free constant for each scheduling entry")
     if any(map(angle_of, settings.scheduling)):

@@ -28,6 +28,7 @@ from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scali
 from aeolid.models.rate import decimate_causally
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
@@ -257,7 +258,10 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [test.text for test in tests if test.alarms]
     if factor.skipped:
-        notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
+        notes.append(
+            f"{counted(factor.skipped, 'window')} with a missing sample "
+            f"{'was' if factor.skipped == 1 else 'were'} left out, {factor.windows} used"
+        )
     if condition > ILL_CONDITIONED:
         notes.append(
             f"the disturbance hardly moves in some directions of the windows (condition {condition:.0e}): its part of "
