@@ -120,6 +120,27 @@ def test_a_spring_between_two_bodies_may_have_a_clearance(tmp_path: Path, spring
     assert np.max(np.abs(loose - run(model, PUSH[:, None]))) > 1e-3
 
 
+def test_what_is_not_in_contact_has_no_damper_either(tmp_path: Path) -> None:
+    """Between the teeth of gears: stops beside a soft spring had the name, for a damper that acts within the gap."""
+    text = (
+        CARTS.replace("SPRING", "(40.0*(x1 - x2) + 3.0*(v1 - v2))")
+        .replace("2.0", "m1")
+        .replace("1.5", "m2")
+        .replace('[[state]]\nname = "x1"', MASSES)
+    )
+    model = model_of(text, tmp_path)
+    found = [a for a in entry("clearance").attach(site_of(model, PUSH[:, None])) if "x1-x2" in a.key]
+    assert [a.key for a in found] == ["clearance state:x1-x2", "clearance with damper state:x1-x2"]
+    gap = found[1].slots[0].name
+    contact = "(1 - max(min((0.04 - abs(x1 - x2))/0.004, 1), 0))"
+    behind = f"(40.0*((x1 - x2) - min(max(x1 - x2, -0.04), 0.04)) + 3.0*(v1 - v2)*{contact})"
+    written = model_of(text.replace("(40.0*(x1 - x2) + 3.0*(v1 - v2))", behind), tmp_path)
+    loose = run(extended(model, found[1], {gap: 0.04}), PUSH[:, None])
+    np.testing.assert_allclose(loose, run(written, PUSH[:, None]), atol=1e-4 * np.max(np.abs(loose)))
+    assert np.max(np.abs(loose - run(extended(model, found[0], {found[0].slots[0].name: 0.04}), PUSH[:, None]))) > 1e-3
+    np.testing.assert_array_equal(run(extended(model, found[1], {}), PUSH[:, None]), run(model, PUSH[:, None]))
+
+
 def test_an_input_may_reach_the_axis_that_the_model_keeps_from_it(tmp_path: Path) -> None:
     model = model_of(AXES, tmp_path)
     u = np.column_stack([PUSH, np.roll(PUSH, 30)])

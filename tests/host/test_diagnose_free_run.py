@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -166,3 +167,13 @@ def test_a_fit_to_the_fit_data_alone_is_enough(tmp_path: Path) -> None:
             assert len(free.fit.point.x0) == len(split.fit) + len(split.select)
             return
     pytest.fail("no recording asked for other values")
+
+
+def test_a_model_that_runs_further_astray_than_its_output_moves_is_told() -> None:
+    """A temperature in degrees Fahrenheit was "nothing is missing", with a free run 64 degC off."""
+    outputs = (SimpleNamespace(name="t3", unit="degC"), SimpleNamespace(name="t4", unit="degC"))
+    errors = np.array([1.1, 64.3])
+    free = FreeRun(SimpleNamespace(outputs=outputs), None, None, errors, errors, errors)  # type: ignore[arg-type]
+    said = free.astray(np.array([15.0, 12.0]))
+    assert "t4 by 64.3 degC" in said and "t3" not in said and "open" in said
+    assert free.astray(np.array([15.0, 70.0])) == ""

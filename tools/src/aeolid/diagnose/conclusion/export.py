@@ -27,7 +27,10 @@ from aeolid.models.equations_file import to_toml
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
     correction = correct(study)
-    wild = correction.diverging
+    wild, free = correction.diverging, correction.free_run
+    if diagnosis["verdict"] == "no_mismatch" and free is not None:
+        off = free.astray(study.unsealed.predictor.scales.spread)
+        diagnosis["statement"] = f"{off}." if off else diagnosis["statement"]
     diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
     diagnosis |= _own_rules()
     late = study.deadline
@@ -38,8 +41,8 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     output.make_folder(folder / "model")
     output.write_text(folder / "model" / "model.toml", _headed(correction))
     facts = evidence(study)
-    if correction.free_run is not None:
-        facts["free_run"] = correction.free_run.to_json()
+    if free is not None:
+        facts["free_run"] = free.to_json()
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
     output.write_text(folder / "evidence.json", json_text(facts))
     return facts

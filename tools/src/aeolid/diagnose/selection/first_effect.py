@@ -27,6 +27,7 @@ from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
+from aeolid.diagnose.selection.hidden_modes import hides_a_mode, is_beyond
 from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
@@ -62,7 +63,19 @@ def find_first(case: Case, seed: int, step: Step, deadline: Deadline | None = No
         if deadline.skips("the end of a look at a finer rate, which is therefore not used"):
             break
         found = again
-    return _beside(case, seed, step, found, deadline)
+    return _beside(case, seed, step, _faster(case, seed, step, found, deadline), deadline)
+
+
+def _faster(case: Case, seed: int, step: Step, found: First, deadline: Deadline) -> First:
+    """Look at a finer rate where a mode speaks there that the rows hide; kept where such a mode leads there."""
+    coarse, asked = found.prepared, "modes between the rows of the first look"
+    if coarse.decimation == 1 or coarse.surrogate is not None or deadline.skips(asked):
+        return found
+    spacing = finer(coarse.decimation)
+    if not hides_a_mode(case, coarse, spacing, seed):
+        return found
+    again = _look(case, seed, step, 0.35, spacing, deadline)
+    return found if deadline.skips(asked) or not is_beyond(again.winner, coarse) else again
 
 
 def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline) -> First:

@@ -52,6 +52,22 @@ class FreeRun:
             ],
         }
 
+    def astray(self, spreads: Array) -> str:
+        """Say which outputs the values told lead further astray, run free, than these move; empty where none.
+
+        spreads: (l,) standard deviations of the outputs. A slow part of the noise takes up, one step ahead, whatever is
+        constant or slow: a temperature in degrees Fahrenheit (64 degC off, 2.4 beside a zero of 68 degC) and a furnace
+        without its radiation (180 degC off) were "nothing is missing".
+        """
+        rows = zip(self.model.outputs, self.before.tolist(), spreads.tolist(), strict=True)
+        found = [f"{o.name} by {b:.3g} {o.unit}".rstrip() for o, b, spread in rows if b > spread]
+        if not found:
+            return ""
+        return (
+            f"No effect was confirmed, and whether something is missing is open: run free, the model errs in"
+            f" {' and '.join(found)}, more than this output moves; look at unit, zero and losses there"
+        )
+
 
 def fitted_to_run_free(predictor: Predictor, fit: Fit, split: Split) -> FreeRun | None:
     """Return the values with which a model runs free best, where the selection data bear out that they are better.
