@@ -212,7 +212,7 @@ def test_wrong_types_and_units_are_refused_with_a_remedy(folder: Path) -> None:
         (lambda: anything.validate(model, rec, steps="5"), ae.UsageError, "steps = '5' is not a list of"),
         (lambda: anything.validate(model, rec, steps=[0]), ae.UsageError, "steps 0: every horizon must be within 1"),
         (lambda: anything.simulate(model, rec, initial="x"), ae.UsageError, "initial 'x' is none of estimate"),
-        (lambda: model.simulate(shifted), ae.DataError, "'pitch' is in 'rad', the model has it in 'deg'; convert"),
+        (lambda: model.simulate(shifted), ae.DataError, "'pitch' is in 'rad', the model has it in 'deg'; multiply"),
         (lambda: model.simulate(holed), ae.DataError, "input 'pitch' is missing at sample 8; a free run needs"),
         (lambda: anything.diagnose(rec, 3), ae.UsageError, "model is a int; a model is needed"),
         (lambda: anything.diagnose(rec, folder / "no.toml"), ae.DataError, "no.toml: no such file"),

@@ -495,7 +495,7 @@ def spoilt(at: Mapping[int, float]) -> Array:
 
 ODD = {
     "code": ({"y": spoilt({70: -999.0, 900: -999.0})}, "warning", "2 samples read -999"),
-    "spike": ({"y": spoilt({700: 4e3})}, "warning", "1 single samples"),
+    "spike": ({"y": spoilt({700: 4e3})}, "warning", "1 single sample lies"),
     "held": ({"y": np.repeat(noise(2, 300), 5)}, "warning", "every 5 samples"),
     "same": ({"y": noise(3), "z": noise(3)}, "fault", "sample by sample the same as y"),
     "mirror": ({"y": noise(3), "z": -noise(3)}, "info", "the mirror image of y"),
@@ -559,6 +559,23 @@ def test_a_hidden_fault_is_named(tmp_path: Path, name: str, kind: str, verdict: 
     row = rig.diagnose_one(fault, tmp_path / "case", 1000, 11, 0)
     assert row["outcome"] == "right" and row["verdict"] == verdict and row["recovered"] > 0.6, row
     assert row["parameter_error"] is None or abs(row["parameter_error"]) < 0.1
+
+
+def test_what_nobody_commands_has_no_drive() -> None:
+    """A limit of the rate of a measured wind had the name instead of a wrong power coefficient."""
+    channels = tuple(Channel(n, "V", r) for n, r in zip(rig.NAMES[:2], ("disturbance", "input"), strict=True))
+    measured = site_of("equations", channels=channels)
+    for e, inputs in (("rate_limit", {"y_drive"}), ("backlash", {"y_drive"}), ("actuator_lag", set(rig.NAMES[:2]))):
+        assert {a.location["inputs"][0] for a in entry(e).attach(measured)} == inputs, e
+    assert [k for k in keys(measured, "deadband") if "x_drive" in k] == ["deadband input:x_drive, around zero"]
+
+
+def test_a_size_has_the_unit_of_the_roles_file_where_equations_have_none() -> None:
+    site = site_of("equations", channels=tuple(Channel(n, "mV", "input") for n in rig.NAMES[:2]))
+    bare = replace(site, model=replace(site.model, inputs=tuple(replace(s, unit="") for s in site.model.inputs)))
+    assert [a.slots[0].unit for a in entry("backlash").attach(bare)] == ["mV", "mV"]
+    assert [a.slots[0].unit for a in entry("rate_limit").attach(bare)] == ["mV/s", "mV/s"]
+    assert [a.slots[0].unit for a in entry("backlash").attach(site)] == ["V", "V"]
 
 
 def test_a_rate_limit_may_act_within_a_sample() -> None:

@@ -20,6 +20,7 @@ from aeolid.models.equations_file import from_toml, load
 from aeolid.models.integrate import compile_equations, simulate
 from aeolid.record import Channel, Record
 from aeolid.text_files import parse_toml
+from aeolid.wording import plus_minus
 
 STEP, TRUE = 0.05, {"M": 2.0, "k": 80.0, "c": 3.0}  # s; kg, N/m, N s/m
 SEEDS = 8
@@ -151,7 +152,7 @@ def test_the_command_tells_and_writes_what_python_finds(folder: Path, capsys: py
     )
     written = load(folder / "fitted.toml")
     for p in facts["parameters"]:
-        assert f"{p['value']:.5g} ± {p['std']:.2g}" in told
+        assert plus_minus(p["value"], p["std"]) in told
         assert written.parameters[written.index(p["name"])].value == p["value"] == fitted[p["name"]].value
     assert "in a free run" in told and facts["checks"][0]["fitted_free"] == next(iter(fitted.checks)).fitted_free
     assert list(fitted.to_frame()["parameter"]) == ["M", "k", "c"] and "fitted values" in fitted.to_text()

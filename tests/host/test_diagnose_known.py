@@ -101,7 +101,8 @@ def test_the_tanks_run_over(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
     assert first["location"]["entry"] == "state:h1"
     assert brim["std"] is None or abs(brim["value"] - 10.0) < 2 * brim["std"]  # None: the data leave it open
     assert d["sealed"]["interval"][0] > 0
-    assert "share_into_next open" in first["statement"]  # its level is nobody's: any scale will do
+    assert "do not determine" in first["statement"]
+    assert "share_into_next: rise" in first["statement"]  # its level is nobody's: any scale will do
     assert [e["location"]["entry"] for e in d["effects"]] == ["state:h1", "state:h2"]
     beside = d["beside"]  # the outlet follows no square root: high up less runs out than that
     assert beside["location"]["entry"] == "state:h2" and beside["statement"].startswith("a gain at state:h2")

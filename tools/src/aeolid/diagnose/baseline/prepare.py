@@ -146,7 +146,7 @@ def prepare(
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
         working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context, _rails(records, outputs), bodies,
-        smoothed_readings(records, u[:, d + len(exogenous) :]),
+        smoothed_readings(records, u[:, d + len(exogenous) :]), records[0].channels,
     )  # fmt: skip
     attachments = told_apart([a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site)])
     frame = Frame(

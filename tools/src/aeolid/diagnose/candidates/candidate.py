@@ -56,8 +56,8 @@ class Candidate:
         parts = {s.label for s in attachment.slots if s.local} if attachment.entry == unlisted.ID else set()
         shared = parts if len(parts) > 1 else set()  # a cosine may be none beside its sine
         open_ = [label for label, (value, std) in values.items() if label not in shared and not std <= abs(value)]
-        names = [f"{meaning_of(attachment.entry, label)} {label}".strip() for label in open_]
-        return f"{said} (these data do not determine {' and '.join(names)})" if open_ else said
+        names = [f"{label}: {meaning_of(attachment.entry, label)}".removesuffix(": ") for label in open_]
+        return f"{said} (these data do not determine {'; '.join(names)})" if open_ else said
 
     def beyond(self, other: Candidate) -> Candidate:
         """Return what was fitted and counted from another candidate's fit as it counts from the bare baseline."""

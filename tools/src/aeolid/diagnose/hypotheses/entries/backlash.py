@@ -9,7 +9,7 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
-from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, spread_of, unit_of_input
+from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, spread_of, unit_of_input
 
 _GRID = (0.1, 0.3, 0.8, 1.6)  # of the input's spread
 _STARTS = 10
@@ -21,7 +21,8 @@ def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
 
 def _attach(site: Site) -> list[Attachment]:
     result = []
-    for i, name in enumerate(site.input_names):
+    for i in commanded(site):
+        name = site.input_names[i]
         spread, unit, width = spread_of(site.u[:, i]), unit_of_input(site, i), f"backlash_width_{i + 1}"
         if spread <= 0:
             continue
@@ -45,7 +46,7 @@ ENTRY = Entry(
     equation="u_actual = min(max(u_actual, u - width/2), u + width/2)",
     source="Nordin and Gutman 2002, Automatica 38(10), Controlling mechanical systems with backlash; the play operator",
     quantities=(Quantity("width", "unit of the input", 0.0, 1e9, 0.0, "full width of the play"),),
-    attaches_to="every input",
+    attaches_to="every input but measured disturbances",
     signature="after each reversal nothing happens until the play is taken up; a loop as wide at every rate",
     confused_with=(
         ("coulomb_friction", "loop area against amplitude: the loop of play keeps its width, friction acts on forces"),

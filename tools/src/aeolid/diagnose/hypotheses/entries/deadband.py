@@ -10,7 +10,7 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
-from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, is_continuous, spread_of, unit_of_input
+from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, is_continuous, spread_of, unit_of_input
 from aeolid.diagnose.rules import in_force
 
 _GRID = (0.15, 0.4, 1.0)  # of the input's spread
@@ -40,7 +40,7 @@ def _on(site: Site, i: int) -> list[Attachment]:
         return []
     name, unit = site.input_names[i], unit_of_input(site, i)
     result, forms = [], []
-    if is_continuous(u):
+    if is_continuous(u) and i in commanded(site):
         forms += [("deadband", _hold, f"{name}_actual holds until |{name} - {name}_actual| > width", "")]
     if rules.crossing_share < float(np.mean(u > 0)) < 1 - rules.crossing_share:
         equation = f"{name}_actual = sign({name})*max(|{name}| - width, 0)"
@@ -66,7 +66,8 @@ ENTRY = Entry(
     equation="u_actual = sign(u)*max(|u| - width, 0), or u_actual holds until |u - u_actual| > width",
     source="Tao and Kokotović 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities",
     quantities=(Quantity("width", "unit of the input", 0.0, 1e9, 0.0, "largest command without effect"),),
-    attaches_to="every input that takes many values; around zero where it comes back to it, from four sizes or more",
+    attaches_to="every input that takes many values, the hold not of measured disturbances; around zero where it"
+    " comes back to it, from four sizes or more",
     signature="small commands do nothing, large ones act in full (hold) or less the width (zone)",
     confused_with=(
         ("backlash", "a dead zone has no memory; behind backlash the way down lags the way up by the width"),

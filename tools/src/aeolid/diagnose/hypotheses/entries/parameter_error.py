@@ -23,13 +23,13 @@ def _attach(site: Site) -> list[Attachment]:
 
 
 def _fixed(p: Parameter) -> Attachment:
-    size = 1e-3 * abs(p.value)
+    size, unit = 1e-3 * abs(p.value), f" {p.unit}" if p.unit.strip() else ""
     slot = Slot(p.name, p.name, p.unit, p.value, p.minimum, p.maximum, size)
     return Attachment(
         "parameter_error", f"parameter_error {p.name}", location(f"parameter:{p.name}"), lambda model: model, (slot,),
         equation=f"{p.name} is a free constant",
         statement=lambda v: (
-            f"the structure is right, but {p.name} is {v[p.name]:.4g} {p.unit}, not {p.value:.4g} {p.unit}"
+            f"the structure is right, but {p.name} is {v[p.name]:.4g}{unit}, not {p.value:.4g}{unit}"
         ),
     )  # fmt: skip
 

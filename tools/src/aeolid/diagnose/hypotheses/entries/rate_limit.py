@@ -9,7 +9,7 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
-from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, spread_of, unit_of_input
+from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, spread_of, unit_of_input
 
 _GRID, _STARTS = 5, 14
 _FASTEST, _WITHIN = 20.0, (6.0, 2.0)  # of the fastest recorded rate: steps are then ramps within a sample
@@ -21,7 +21,7 @@ def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    return [a for i in range(len(site.input_names)) for a in _on(site, i)]
+    return [a for i in commanded(site) for a in _on(site, i)]
 
 
 def _on(site: Site, i: int) -> list[Attachment]:
@@ -52,7 +52,7 @@ ENTRY = Entry(
     equation="|d(u_actual)/dt| <= rate_per_s",
     source="Jonkman et al. 2009 (NREL 5 MW: 8 deg/s); Gaertner et al. 2020 (IEA 15 MW: 2 deg/s)",
     quantities=(Quantity("rate_per_s", "unit of the input/s", 1e-6, 1e6, float("inf"), "highest rate"),),
-    attaches_to="every input that moves at different rates",
+    attaches_to="every input that moves at different rates, but for measured disturbances",
     signature="large commands come late, small ones do not: the lag grows with amplitude",
     confused_with=(
         ("actuator_lag", "two amplitudes of one test signal: a rate limit delays the larger one more"),

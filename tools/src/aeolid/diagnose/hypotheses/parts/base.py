@@ -15,6 +15,7 @@ from aeolid.diagnose.hypotheses.parts.settings import Setting
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models.equations import Equations
 from aeolid.models.state_space import StateSpace
+from aeolid.record import Channel
 
 Array = NDArray[np.float64]
 Z90 = 1.6449  # deviations to either end of a 90 % band
@@ -41,6 +42,7 @@ class Site:
     rails: of each output the ends ("low", "high") at which the values of all recordings pile up; what y shows where it
     is empty. bodies: those whose speeds a linear model's outputs show, where a force on one meets modes and all.
     smooth: by name of a channel whose errors of reading are smoothed away, its text in a model and its samples (N,).
+    channels: of the recordings, with their units and roles.
     """
 
     model: Equations
@@ -59,6 +61,7 @@ class Site:
     rails: tuple[Mapping[str, float], ...] = ()
     bodies: tuple[Motion, ...] = ()
     smooth: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
+    channels: tuple[Channel, ...] = ()
 
 
 @dataclass(frozen=True)

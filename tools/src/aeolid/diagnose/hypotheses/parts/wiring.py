@@ -81,8 +81,22 @@ def blended_filter(
 
 
 def unit_of_input(site: Site, number: int) -> str:
-    """Return the unit of an input of the model, empty where it has none."""
-    return site.model.inputs[number].unit
+    """Return the unit of an input: the model's, that of the recordings where it has none, empty where these have none.
+
+    An input that equations know by its name alone has no unit of its own.
+    """
+    recorded = (c.unit for c in site.channels if c.name == site.input_names[number])
+    return site.model.inputs[number].unit or next(recorded, "")
+
+
+def commanded(site: Site) -> list[int]:
+    """Return the numbers of the inputs that a drive may stand behind: all but measured disturbances.
+
+    Nobody commands these, so nothing of a drive's mechanics lies between: behind a wind that is measured with noise a
+    limit of its rate smoothed it, and had the name instead of a wrong power coefficient.
+    """
+    free = {c.name for c in site.channels if c.role == "disturbance"}
+    return [i for i, name in enumerate(site.input_names) if name not in free]
 
 
 def unit_of_output(site: Site, name: str) -> str:
