@@ -181,3 +181,42 @@ def test_textbook_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
             assert file.read_bytes() == (tmp_path / "two" / "cases" / case.name / file.name).read_bytes()
     truths = [json.loads((c / "truth.json").read_text()) for c in cases]
     assert [t["ids"] for t in truths] == [["stiffness_change"], []]
+
+
+def test_second_author_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
+    """A law without states, minutes in the heading of time, lost rows: each is read, and the same seed repeats it."""
+    from aeolid.diagnose.data.case import load_case
+
+    study = load_study("second_author")
+    words = ["--only", "damper_friction", "furnace", "null_cstr", "--write-only", "--out"]
+    for folder in ("one", "two"):
+        assert study.main([*words, str(tmp_path / folder)]) == 0
+    cases = sorted((tmp_path / "one" / "seed_0" / "cases").iterdir())
+    assert [c.name for c in cases] == ["damper_friction", "furnace_rad", "null_cstr"]
+    rows = {"damper_friction": 1200, "furnace_rad": 400, "null_cstr": 494}
+    for case in cases:
+        load_case(case)
+        assert len((case / "run1.csv").read_text().splitlines()) == rows[case.name] + 1
+        for file in case.iterdir():
+            assert file.read_bytes() == (tmp_path / "two" / "seed_0" / "cases" / case.name / file.name).read_bytes()
+
+
+def test_second_author_grades_names_values_and_nothing():
+    """Right, one of several, without a name, nothing, a false name and a value far off."""
+    study = load_study("second_author")
+    hidden = study.Case("a", 1.0, {}, "", ("rate_limit",), ("actuator_lag",), {"rate_per_s": 2.0})
+    complete = study.Case("b", 1.0, {}, "")
+    outside = study.Case("c", 1.0, {}, "", outside=True)
+    limit, far = ("rate_limit", "input:u", {"rate_per_s": 2.1}), ("rate_limit", "input:u", {"rate_per_s": 2.3})
+    lag, bias = ("actuator_lag", "input:u", {"tau_s": 1.0}), ("sensor_bias", "output:y", {})
+    told = [(hidden, "named", limit), (hidden, "named", lag), (hidden, "named", far), (hidden, "ambiguous", limit, lag),
+            (hidden, "multiple", limit, bias), (hidden, "unnamed"), (hidden, "no_mismatch"),
+            (complete, "immaterial"), (complete, "unnamed"), (complete, "data_fault"), (complete, "not_testable"),
+            (outside, "unnamed"), (outside, "named", bias), (outside, "crash")]  # fmt: skip
+    grades = [study.grade(case, answer(verdict, *effects)) for case, verdict, *effects in told]
+    assert grades == ["right", "right", "wrong", "open", "wrong", "unnamed", "nothing",
+                      "right", "unnamed", "wrong", "nothing", "right", "wrong", "wrong"]  # fmt: skip
+    rows = [study.row_of(hidden, answer("named", far)), study.row_of(outside, answer("unnamed"))]
+    said = study.table(rows)
+    assert "| a | rate_limit | named | rate_limit | rate_per_s 2.3 (2) ✗ | wrong |" in said
+    assert said.endswith("Of 2: 1 right, 0 open, 0 unnamed, 0 nothing, 1 wrong.")
