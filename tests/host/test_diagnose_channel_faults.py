@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 from aeolid.diagnose.baseline.channel_faults import RATIOS, ChannelFault, channel_faults, with_faults
 from aeolid.diagnose.baseline.wiring_evidence import judge_of
 from aeolid.diagnose.data.case import Case, load_case
+from aeolid.models import equations_file
+from aeolid.models.integrate import compile_equations, simulate
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
@@ -243,3 +246,65 @@ def test_known_factors_are_those_of_their_units() -> None:
     assert factors["rpm to a rad/s"] == pytest.approx(60 / (2 * np.pi), rel=1e-12)
     assert factors["deg/s to an rpm"] == pytest.approx(360 / 60)
     assert factors["km/h to a m/s"] == pytest.approx(3600 / 1000)
+
+
+PLATES = """
+[model]
+name = "plates"
+time = "continuous"
+[parameters]
+c = { value = 700.0, min = 200.0, max = 3000.0, unit = "J/K", free = true }
+g = { value = 4.4, min = 1.0, max = 20.0, unit = "W/K", free = true }
+[[state]]
+name = "a"
+derivative = "(heater - g*(a - b) - 2*(a - air))/c"
+initial = 30.0
+[[state]]
+name = "b"
+derivative = "(g*(a - b) - 3*(b - air))/c"
+initial = 25.0
+[[output]]
+name = "ta"
+equation = "a"
+unit = "degC"
+[[output]]
+name = "tb"
+equation = "b"
+unit = "degC"
+"""
+
+
+def plates(fahrenheit: str = "", lacking: float = 0.0) -> Case:
+    """Return two heated plates, one channel of which may be in degrees Fahrenheit; lacking: W/K lost besides."""
+    rng, rows, step = np.random.default_rng(4), 900, 5.0
+    heater = np.repeat(rng.uniform(20, 120, rows // 30), 30)
+    air = 18 + np.cumsum(0.1 * rng.standard_normal(rows))
+    model = equations_file.from_toml(tomllib.loads(PLATES), PLATES, "plates.toml")
+    signals = {"heater": heater, "air": air}
+    driven = np.column_stack([signals[i.name] for i in model.inputs])
+    text = PLATES.replace("3*(b", f"{3 + lacking}*(b")
+    true = equations_file.from_toml(tomllib.loads(text), text, "plates.toml")
+    y = simulate(compile_equations(true), driven, np.array([640.0, 4.0]), true.x0, step)
+    y += 0.1 * rng.standard_normal(y.shape)
+    table = dict(zip(("heater", "air", "ta", "tb"), np.column_stack([heater, air, y]).T, strict=True))
+    if fahrenheit:
+        table[fahrenheit] = 1.8 * table[fahrenheit] + 32
+    units, roles = ("W", "degC", "degC", "degC"), ("input", "input", "output", "output")
+    channels = tuple(Channel(n, u, r) for n, u, r in zip(table, units, roles, strict=True))
+    record = Record(step * np.arange(rows), np.column_stack(list(table.values())), channels, step, "a.csv", "")
+    return Case("plates", (record,), "equations", model, "plates.toml", "", {}, Path())
+
+
+@pytest.mark.parametrize("channel", ["air", "ta", "tb"])
+def test_degrees_fahrenheit_among_degrees_celsius_are_found_by_their_level(channel: str) -> None:
+    """An output or an input, whose unit stands in the roles only; the recording is put right."""
+    faults, repaired = channel_faults(plates(channel))
+    assert [(f.id, f.channels) for f in faults] == [("sensor_scale", (channel,))]
+    assert faults[0].statement.startswith(f"{channel} is recorded in degrees Fahrenheit, though its unit is degC")
+    assert faults[0].equation == f"{channel}_recorded = 1.8*{channel} + 32"
+    assert repaired.records[0].values == pytest.approx(plates().records[0].values, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("lacking", [0.0, 1.0, 4.0])
+def test_a_model_that_lacks_a_loss_of_heat_has_no_channel_in_another_unit(lacking: float) -> None:
+    assert channel_faults(plates(lacking=lacking))[0] == ()

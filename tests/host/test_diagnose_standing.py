@@ -104,6 +104,24 @@ def test_a_sensor_that_holds_while_the_machine_moves_is_stuck(car: Equations, un
     assert kinds(car, u, y) == [(50, until, "stuck")]
 
 
+@pytest.mark.parametrize("visits", [1, 2])
+def test_a_range_that_ends_is_no_stuck_sensor(car: Equations, visits: int) -> None:
+    """What stands at the extreme that comes at other times as well is kept; a sensor that sticks there once is not."""
+    u = pulses(900, *((150 * k + 20, 150 * k + 90, 0.3 + 0.05 * (k % visits)) for k in range(6)))
+    u[u > 0] += 0.02 * np.sin(np.arange(int(np.sum(u > 0))) / 5.0)
+    y = drive(car, u, 6)
+    high = float(np.sort(y)[-240])
+    first = int(np.flatnonzero(y > high)[0])
+    if visits == 1:
+        y[first : first + 60] = float(y.max()) + 0.1
+    else:
+        y = np.minimum(y, high)
+    found = [k for a, b, k in kinds(car, u, y) if y[a] == y.max()]
+    assert found and set(found) == ({"stuck"} if visits == 1 else {"end"})
+    kept = masked_case(case_of([record(u, y)], car))[0].records[0].column("speed")
+    assert np.isnan(kept[y == y.max()]).any() == (visits == 1)
+
+
 def case_of(records: Sequence[Record], car: Equations) -> Case:
     return Case("car", tuple(records), "equations", car, "model.toml", "", {}, Path(), False)
 

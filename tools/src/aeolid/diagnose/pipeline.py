@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.baseline.recorded_wind import wind_findings
+from aeolid.diagnose.baseline.ridges import ridge_findings
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.moved import Moved
@@ -122,6 +123,7 @@ def study(
     first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
     findings += (*wind_findings(case.records, prepared.declared), *_sampling(prepared))
+    findings += ridge_findings(case.baseline, prepared.declared)
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)

@@ -17,6 +17,7 @@ from aeolid.diagnose.baseline.recorded_wind import (
     smoothed_wind,
     with_smoothed_wind,
 )
+from aeolid.diagnose.baseline.ridges import values_to_hold, with_held
 from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.exogenous import Exogenous, exogenous_channels, with_exogenous
@@ -133,11 +134,13 @@ def prepare(
     factor = factor_for(fastest, step, sum(len(r) for r in records)) if linear is None else 1
     factor = min(factor, most or factor)
     r, d = base.inputs, len(declared.inputs)
-    split = split_records(records, names[:r], outputs, settle, factor, names[r:])
+    split = split_records(records, names[:r], outputs, settle, factor, names[r:], case.around)
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
     offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
     rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
+    if isinstance(case.baseline, Equations) and (held := values_to_hold(*rough)):
+        return prepare(replace(case, baseline=with_held(case.baseline, held)), most, deadline, sampling)
     sizes, rates, moves = _sizes(rough, scales)
     motions, bodies, working, forces = _anatomy(declared, linear, (sizes, rates, spreads, moves), split, settle)
     if linear is None:

@@ -10,8 +10,9 @@ may have one.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,27 +37,37 @@ _KEPT = 3  # wirings of the inputs whose simulations are kept: some tens of mega
 
 @dataclass(frozen=True)
 class Wiring:
-    """Say how columns of a recording become channels of the model: channel j is factor_j times column order_j."""
+    """Say how columns of a recording become channels: channel j is factor_j times (column order_j less its zero_j)."""
 
     inputs: tuple[float, ...]
     outputs: tuple[float, ...]
     input_order: tuple[int, ...]
     output_order: tuple[int, ...]
+    input_zeros: tuple[float, ...]
+    output_zeros: tuple[float, ...]
 
     def apply(self, u: Array, y: Array) -> tuple[Array, Array]:
         """Return inputs (N, r) and outputs (N, l) as this wiring has them."""
-        return u[:, list(self.input_order)] * self.inputs, y[:, list(self.output_order)] * self.outputs
+        v, z = u[:, list(self.input_order)] - self.input_zeros, y[:, list(self.output_order)] - self.output_zeros
+        return v * self.inputs, z * self.outputs
 
 
 class Judge:
     """Hold a baseline and recordings, and say what each wiring is worth."""
 
-    def __init__(self, model: StateSpace | Equations, blocks: Sequence[tuple[Array, Array]], step: float) -> None:
+    def __init__(
+        self, model: StateSpace | Equations, blocks: Sequence[tuple[Array, Array]], step: float,
+        units: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
+        """units: those that the roles give the channels; `stated` has them where the model has none."""
         self.model, self.blocks, self.step = model, blocks, step
         self.names = [s.name for s in model.inputs], [s.name for s in model.outputs]
         self.units = [s.unit for s in model.inputs], [s.unit for s in model.outputs]
+        self.stated = tuple([s.unit or units.get(s.name, "") for s in part] for part in (model.inputs, model.outputs))
         r, m = len(self.names[0]), len(self.names[1])
-        self.declared = Wiring((1.0,) * r, (1.0,) * m, tuple(range(r)), tuple(range(m)))
+        self.declared = Wiring(
+            (1.0,) * r, (1.0,) * m, tuple(range(r)), tuple(range(m)), (0.0,) * r, (0.0,) * m
+        )  # fmt: skip
         self._gain = _observer(model, blocks) if isinstance(model, StateSpace) else None
         self._compiled = compile_equations(model) if isinstance(model, Equations) else None
         self._runs: dict[object, dict[object, Array | None]] = {}
@@ -78,7 +89,7 @@ class Judge:
             if self._compiled is None:
                 left: Array | None = self._observed(_late(v, lags), z)
             else:
-                run = self._run(v, lags, number, (wiring.inputs, wiring.input_order))
+                run = self._run(v, lags, number, (wiring.inputs, wiring.input_order, wiring.input_zeros))
                 left = None if run is None else z - run
             if left is None or not np.all(np.isfinite(left)):
                 return None
@@ -172,7 +183,7 @@ def judge_of(case: Case) -> Judge | None:
     moving = [np.vstack([b[k] for b in blocks]) for k in (0, 1)] if blocks else []
     if not moving or not all(np.all(np.ptp(part, axis=0) > 0) for part in moving):
         return None
-    return Judge(model, blocks, step)
+    return Judge(model, blocks, step, {c.name: c.unit for c in case.records[0].channels})
 
 
 def _filled(values: Array) -> Array:

@@ -54,3 +54,17 @@ def with_own_values(judge: Judge, wiring: Wiring) -> Judge:
 
     found = least_squares(errors, start, bounds=(low, high), x_scale=width, max_nfev=_MOST)
     return at(found.x) if found.cost < 0.5 * float(np.sum(errors(model.theta[places]) ** 2)) else judge
+
+
+def level_errors(judge: Judge, wiring: Wiring) -> Array:
+    """Return the rms errors (l,) of simulations with the values that a wiring asks for, over the outputs' deviations.
+
+    The level counts. Infinite where the model runs away.
+    """
+    left = with_own_values(judge, wiring).residuals(wiring, (0.0,) * len(judge.names[0]))
+    outputs = np.vstack([wiring.apply(u, y)[1] for u, y in judge.blocks])
+    if left is None:
+        return np.full(outputs.shape[1], np.inf)
+    spread = np.maximum(outputs.std(axis=0), 1e-300)
+    errors: Array = np.sqrt(np.mean(np.vstack(left) ** 2, axis=0)) / spread
+    return np.maximum(errors, 1e-9)

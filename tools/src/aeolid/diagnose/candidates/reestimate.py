@@ -10,7 +10,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, values_of, without_the_mute
 from aeolid.diagnose.candidates.refit import without_slopes
-from aeolid.diagnose.candidates.seen_values import with_limits_at_rest
+from aeolid.diagnose.candidates.seen_values import between_jumps, with_jump_deviations, with_limits_at_rest
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
@@ -46,8 +46,10 @@ def estimated_on_all(prepared: Prepared, candidate: Candidate) -> Candidate:
         return candidate
     predictor, fit = found
     model = predictor.compiled.model
+    fit = between_jumps(predictor, fit, fit.free, candidate.attachments)
     fit = with_limits_at_rest(predictor, fit, fit.free, candidate.attachments)
     fit = without_the_mute(candidate.attachments, fit, model)
+    fit = with_jump_deviations(predictor, fit, candidate.attachments)
     if objection(candidate.attachments, fit, model, candidate.fit_gain, candidate.parameters):
         return candidate
     own = {s.name for a in candidate.attachments for s in a.slots}

@@ -14,7 +14,9 @@ from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.candidates.seen_values import (
+    between_jumps,
     from_another_value,
+    with_jump_deviations,
     with_limits_at_rest,
     with_values_held,
     without_values,
@@ -171,6 +173,7 @@ def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidat
         return None
     if prepared.surrogate is None:
         fit = from_another_value(predictor, fit, free, begun.attachments)
+        fit = between_jumps(predictor, fit, free, begun.attachments)
         fit = with_limits_at_rest(predictor, fit, free, begun.attachments)
     order = predictor.choose_var_order(fit.point)
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
@@ -295,7 +298,7 @@ def judge(
     difference = np.where(np.isfinite(select), select, -1e6) - baseline_select
     model, gain = prepared.extended, fit.log_posterior - base.log_posterior
     parameters = len(fit.jacobian.T) - len(base.jacobian.T)
-    fit = without_the_mute(attachments, fit, model)
+    fit = with_jump_deviations(predictor, without_the_mute(attachments, fit, model), attachments)
     values = {a.key: values_of(a, fit, model) for a in attachments}
     reason, alone = objection(attachments, fit, model, ahead + gain, parameters), undriven(attachments, fit, model)
     own = {s.name for a in attachments for s in a.slots}

@@ -15,6 +15,8 @@ from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
+_DISTANCES = 40  # at which a value is looked at to either side, from a millionth of its range to all of it
+
 
 def without_values(free: Free, attachments: Sequence[Attachment], model: Equations) -> Free:
     """Return the free set without the values of some effects."""
@@ -51,6 +53,48 @@ def from_another_value(predictor: Predictor, fit: Fit, free: Free, attachments: 
         return fit
     again = fit_quietly(predictor, best, free)
     return fit if again is None or again.log_posterior <= fit.log_posterior else again
+
+
+def between_jumps(predictor: Predictor, fit: Fit, free: Free, attachments: Sequence[Attachment]) -> Fit:
+    """Return the fit from the likeliest of many values near those on which the model's answer depends in jumps.
+
+    A valve that sticks moves when its command has left it by a band. A band that is a little off moves it a sample
+    earlier or later, from another place, and every later move with it: the likelihood is rugged and no slope tells
+    more than the place of the last jump. With a band of 2 % (1200 samples) a fit from the best of 24 values ended at
+    1.86 %, 166 nats short. Cost: 2 × 129 filter passes a value, and a fit where one is likelier.
+    """
+    rules, model = in_force().candidates, predictor.compiled.model
+    for slot in (s for a in attachments for s in a.slots if s.jumps and s.name not in a.fixed):
+        for span in (rules.jump_span, rules.jump_span**2):
+            value, least = float(fit.point.theta[model.index(slot.name)]), predictor.objective(fit.point)
+            near = value * (1 + span * np.linspace(-1, 1, rules.jump_values))
+            moved = [shifted(fit.point, model, {slot.name: float(v)}) for v in near if slot.low < v < slot.high]
+            reached = [(predictor.objective(q), k) for k, q in enumerate(moved)]
+            best, k = min(reached, default=(np.inf, 0))
+            if best < least - in_force().evidence.tied_nats:
+                again = fit_quietly(predictor, moved[k], free)
+                fit = again if again is not None and again.log_posterior > fit.log_posterior else fit
+    return fit
+
+
+def with_jump_deviations(predictor: Predictor, fit: Fit, attachments: Sequence[Attachment]) -> Fit:
+    """Return the fit with deviations of values on which the answer depends in jumps.
+
+    Half of the farther of the two distances from which on the fit is two nats worse, all else as it is: of a value with
+    a slope this is its deviation. Infinite where nothing within its range is worse. Cost: 2 × 40 filter passes a value.
+    """
+    model, least, found = predictor.compiled.model, predictor.objective(fit.point), []
+    for slot in (s for a in attachments for s in a.slots if s.jumps and s.name not in a.fixed):
+        index = model.index(slot.name)
+        value, reach = float(fit.point.theta[index]), 0.0
+        for way in (-1.0, 1.0):
+            ends = (value + way * d for d in np.geomspace(1e-6, 1.0, _DISTANCES) * (slot.high - slot.low))
+            inside = (end for end in ends if slot.low <= end <= slot.high)
+            worse = (e for e in inside if predictor.objective(shifted(fit.point, model, {slot.name: e})) > least + 2.0)
+            reach = max(reach, abs(next(worse, np.inf) - value))
+        if index in fit.free.theta:
+            found.append((index, 0.5 * reach))
+    return replace(fit, jumps=tuple(found)) if found else fit
 
 
 def with_limits_at_rest(predictor: Predictor, fit: Fit, free: Free, attachments: Sequence[Attachment]) -> Fit:

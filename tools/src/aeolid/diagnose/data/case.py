@@ -46,7 +46,11 @@ KINDS = ("state_space", "equations", "run", "fmu")
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Hold what a diagnosis starts from."""
+    """Hold what a diagnosis starts from.
+
+    more_runs: further runs of the simulator, in other wind. around: the fit data lie on both sides of the selection
+    data, where the baseline of the first half does not last.
+    """
 
     title: str
     records: tuple[Record, ...]
@@ -57,7 +61,8 @@ class Case:
     context: dict[str, Any]
     directory: Path
     same_inputs: bool = False
-    more_runs: tuple[Record, ...] = ()  # further runs of the simulator, in other wind
+    more_runs: tuple[Record, ...] = ()
+    around: bool = False
 
     @property
     def runs(self) -> tuple[Record, ...]:

@@ -103,7 +103,7 @@ def _standing(records: Sequence[Record], baseline: Baseline) -> list[Finding]:
             severity = "info" if s.kind != "stuck" else "fault" if much else "warning"
             check = "stuck" if s.kind == "stuck" else "standing"
             text = words(s, channel, records[s.record])
-            found.append(Finding(check, where, text, severity, s.kind != "still"))
+            found.append(Finding(check, where, text, severity, s.kind in ("rest", "stuck")))
     return found
 
 

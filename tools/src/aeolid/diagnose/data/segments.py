@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 class Segment:
     """Hold a gap-free stretch of one recording; the first `burn` rows settle the state and are not scored.
 
-    y (N, l) one row every `step` seconds; u (N · stride, r) at the recording's own rate.
+    y (N, l) one row every `step` seconds; u (N · stride, r) at the recording's own rate. `before` (M, r) holds the
+    inputs of the rows that end where the stretch begins: what lies in front of the plant remembers them.
     """
 
     u: Array
@@ -25,6 +26,12 @@ class Segment:
     start_s: float
     burn: int
     stride: int = 1
+    before: Array | None = None
+
+    @cached_property
+    def history(self) -> Array:
+        """Return u behind the rows before it (M + N · stride, r), which filters of inputs run through."""
+        return self.u if self.before is None else np.vstack([self.before, self.u])
 
     @property
     def fine_step(self) -> float:

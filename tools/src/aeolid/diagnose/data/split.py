@@ -15,7 +15,13 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _NEEDED = 150  # samples of a single recording: a fifth of them less a gap of a twentieth leaves the least stretch
-_SHARES = {"fit": 0.5, "select": 0.2, "sealed": 0.3}
+_SHARES = (("fit", 0.5), ("select", 0.2), ("sealed", 0.3))
+_OPEN = (("fit", 0.7), ("select", 0.3))  # of recordings beside a sealed one
+_AROUND = {  # the same with the fit data on both sides of the selection data
+    _SHARES: (("fit", 0.25), ("select", 0.2), ("fit", 0.25), ("sealed", 0.3)),
+    _OPEN: (("fit", 0.35), ("select", 0.3), ("fit", 0.35)),
+}
+_Shares = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +41,15 @@ class Split:
 
 def split_records(
     records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], settle_s: float, stride: int = 1,
-    extra: Sequence[str] = (),
+    extra: Sequence[str] = (), around: bool = False,
 ) -> Split:  # fmt: skip
     """Seal one of several recordings and cut the others 70 : 30 into fit and select; cut a single one in time.
 
     Of two the last is sealed; of more the one whose inputs have the middle spread, so that the proof lies inside the
     operating range of the fit.
 
-    `extra` names further channels whose samples follow those of the inputs; they have no say in the plan.
+    `extra` names further channels whose samples follow those of the inputs; they have no say in the plan. around: the
+    fit data lie on both sides of the selection data, so that they show what changes before the sealed data begin.
     A single recording is cut 50 : 20 : 30 with gaps of three settling times (`settle_s`, at most 5 % of the length).
     A fit scores every sample (the initial state is a parameter); the other parts settle first.
     Where parts of 60 samples are not to be had, recordings of which three or more are left are divided whole (a machine
@@ -53,7 +60,7 @@ def split_records(
     columns = [*inputs, *extra]
     parts: dict[str, list[Segment]] = {}
     plan: list[tuple[str, Record, int, int]] = []
-    for plan, least in _plans(records, inputs, settle_s):
+    for plan, least in _plans(records, inputs, settle_s, around):
         parts = {"fit": [], "select": [], "sealed": []}
         for use, record, start, stop in plan:
             settle = 0.0 if use == "fit" else settle_s
@@ -90,11 +97,11 @@ def _lacking(rows: Sequence[tuple[Record, int, int]], inputs: Sequence[str], out
 
 
 def _plans(
-    records: Sequence[Record], inputs: Sequence[str], settle_s: float
+    records: Sequence[Record], inputs: Sequence[str], settle_s: float, around: bool
 ) -> Iterator[tuple[list[tuple[str, Record, int, int]], int]]:
     """Yield how to divide, and the shortest stretch in rows: the usual way first, for short recordings others."""
     rules = in_force().data
-    yield _plan(records, inputs, settle_s), rules.settled_samples
+    yield _plan(records, inputs, settle_s, around), rules.settled_samples
     if len(records) > rules.whole_recordings:
         sealed = _sealed_of(records, inputs)
         others = [r for r in records if r is not sealed]
@@ -102,7 +109,7 @@ def _plans(
         uses = ["select" if place % every == every // 2 else "fit" for place in range(len(others))]
         whole = [(u, r, 0, len(r)) for u, r in zip([*uses, "sealed"], [*others, sealed], strict=True)]
         yield whole, rules.fewest_samples
-    yield _plan(records, inputs, settle_s), rules.fewest_samples
+    yield _plan(records, inputs, settle_s, around), rules.fewest_samples
 
 
 def segments_of(
@@ -131,12 +138,15 @@ def _says_something(segment: Segment) -> bool:
     return int(np.any(np.isfinite(segment.y[segment.burn :]), axis=1).sum()) >= in_force().data.fewest_samples // 2
 
 
-def _plan(records: Sequence[Record], inputs: Sequence[str], settle_s: float) -> list[tuple[str, Record, int, int]]:
+def _plan(
+    records: Sequence[Record], inputs: Sequence[str], settle_s: float, around: bool
+) -> list[tuple[str, Record, int, int]]:
+    whole, rest = (_AROUND[_SHARES], _AROUND[_OPEN]) if around else (_SHARES, _OPEN)
     if len(records) > 1:
         last = _sealed_of(records, inputs)
-        cuts = [c for r in records if r is not last for c in _cut(r, {"fit": 0.7, "select": 0.3}, settle_s)]
+        cuts = [c for r in records if r is not last for c in _cut(r, rest, settle_s)]
         return [*cuts, ("sealed", last, 0, len(last))]
-    return _cut(records[0], _SHARES, settle_s)
+    return _cut(records[0], whole, settle_s)
 
 
 def _sealed_of(records: Sequence[Record], inputs: Sequence[str]) -> Record:
@@ -148,12 +158,12 @@ def _sealed_of(records: Sequence[Record], inputs: Sequence[str]) -> Record:
     return records[int(np.argsort(size, kind="stable")[len(records) // 2])]
 
 
-def _cut(record: Record, shares: dict[str, float], settle_s: float) -> list[tuple[str, Record, int, int]]:
+def _cut(record: Record, shares: _Shares, settle_s: float) -> list[tuple[str, Record, int, int]]:
     length = len(record)
     gap = min(int(3 * settle_s / record.sample_time_s), length // 20)
     plan: list[tuple[str, Record, int, int]] = []
-    start, total = 0.0, sum(shares.values())
-    for number, (use, share) in enumerate(shares.items()):
+    start, total = 0.0, sum(share for _, share in shares)
+    for number, (use, share) in enumerate(shares):
         stop = start + share / total * length
         plan.append((use, record, int(start) + (gap if number else 0), int(stop)))
         start = stop
@@ -191,4 +201,13 @@ def _segment(
         float(piece.time_s[0]),
         burn,
         stride,
+        _before(record, inputs, start),
     )
+
+
+def _before(record: Record, inputs: Sequence[str], start: int) -> Array | None:
+    """Return the inputs of the rows that end where a stretch starts, none missing; None where there are none."""
+    u = record.columns(inputs)[max(start - in_force().data.remembered_samples, 0) : start]
+    lost = np.flatnonzero(~np.all(np.isfinite(u), axis=1))
+    u = u[lost[-1] + 1 :] if len(lost) else u
+    return np.ascontiguousarray(u) if len(u) else None

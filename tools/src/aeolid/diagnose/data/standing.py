@@ -28,7 +28,8 @@ class Stretch:
     """Hold samples start … stop − 1 of one output of one recording, all equal, and why.
 
     kind: "rest", the model does not move there either and no input does; "still", the machine may stand although its
-    model moves (friction, a dead band, a stop): evidence; "stuck", the sensor.
+    model moves (friction, a dead band, a stop): evidence; "end", the extreme value of the channel, which it has at other
+    times as well: evidence of a range that ends; "stuck", the sensor.
     """
 
     record: int
@@ -65,7 +66,7 @@ def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[
                 kind, end = _kind(record, name, (start, stop), spreads, model.get(name))
                 if kind == "rest" or not coarse or stop - start > least:
                     found.append(Stretch(place, name, start, end, kind))
-    return tuple(_moved_elsewhere(s, records) for s in _ended(found, records))
+    return tuple(_at_an_end(_moved_elsewhere(s, records), records) for s in _ended(found, records))
 
 
 def _spread(values: Array) -> float:
@@ -182,6 +183,21 @@ def _moved_elsewhere(stretch: Stretch, records: Sequence[Record]) -> Stretch:
     return replace(stretch, kind="stuck") if answers and all(answers) else stretch
 
 
+def _at_an_end(stretch: Stretch, records: Sequence[Record]) -> Stretch:
+    """Call the end of a range what seems stuck at the extreme value, where that comes at other times as well.
+
+    A thermometer that shows no more than 112 °C stood there for 74 samples, 20 and 55; with the 74 left out, the part
+    that should have borne out the range had none of it. Not at zero, where a machine rests.
+    """
+    value = _value(stretch, records)
+    if stretch.kind != "stuck" or value == 0:
+        return stretch
+    columns = [r.column(stretch.channel) for r in records]
+    extreme = value in (min(np.nanmin(c) for c in columns), max(np.nanmax(c) for c in columns))
+    elsewhere = sum(int(np.sum(c == value)) for c in columns) - len(stretch)
+    return replace(stretch, kind="end") if extreme and elsewhere >= in_force().data.fine_repeats else stretch
+
+
 def _leaving(u: Array, y: Array, value: float, rest: float) -> list[float]:
     """Return by how much an input was off its rest each time that an output left a value it had held."""
     holds = in_force().data.sustained_samples
@@ -203,5 +219,6 @@ def words(stretch: Stretch, channel: Channel, record: Record) -> str:
     return {
         "rest": f"{rows} {at}, and no input drives it: a machine at rest; what follows its coming to rest is left out",
         "still": f"{rows} {at}, where the machine may stand (friction, a dead band, a stop, no drive); it is kept",
+        "end": f"{rows} {at}, an end of its values that comes at other times as well: of a range, or a stop; it is kept",
         "stuck": f"{rows} {at}, where it must have moved: a stuck sensor, or held; these samples are left out",
     }[stretch.kind]

@@ -100,7 +100,8 @@ class Evaluator:
         known = self._acting.get(index)
         if known is not None and known[0] == values:
             return known[1]
-        u = driven(self.compiled, segment.u, point.theta, segment.fine_step)
+        history = segment.history if self.compiled.model.filters else segment.u
+        u = driven(self.compiled, history, point.theta, segment.fine_step)[len(history) - len(segment.u) :]
         self._acting[index] = values, u
         return u
 

@@ -19,7 +19,8 @@ _NOTHING = 1e12  # variance along a direction that the data say nothing of, in s
 class Fit:
     """Hold a fitted predictor: where it stands, its noise, its residuals r (M,) and sensitivities J (M, k).
 
-    prior_residual (p,), prior_jacobian (p, k): the same for what was known before, as if it had been measured.
+    prior_residual (p,), prior_jacobian (p, k): the same for what was known before, as if it had been measured. jumps:
+    standard deviations of parameters on which the likelihood depends in jumps, by their index in θ: slopes tell none.
     """
 
     point: Point
@@ -31,6 +32,7 @@ class Fit:
     jacobian: Array
     prior_residual: Array
     prior_jacobian: Array
+    jumps: tuple[tuple[int, float], ...] = ()
 
     @property
     def log_posterior(self) -> float:
@@ -45,6 +47,8 @@ class Fit:
         variance = np.einsum("ij,j,ij->i", vectors, np.where(known, inverse, 0.0), vectors)
         left_open = _NOTHING * np.sum(vectors[:, ~known] ** 2, axis=1) > 1.0  # by more than rounding of directions
         result: Array = np.where(left_open, np.inf, np.sqrt(variance) / size)
+        for index, deviation in self.jumps:
+            result[self.free.theta.index(index)] = deviation
         return result
 
     @cached_property

@@ -28,6 +28,12 @@ class BaselineRules:
     fault_beside_ratio: float = rule(
         1.6, "times", "a factor of units is taken only where one so much larger or smaller gains less"
     )
+    level_ratio: float = rule(
+        3.0, "times", "by which a unit with another zero must lower the errors of simulations, all outputs together"
+    )
+    level_error: float = rule(
+        0.3, "deviations of the output", "error of a simulation above which a unit with another zero is not told"
+    )
     wind_known_share: float = rule(
         0.9,
         "share",

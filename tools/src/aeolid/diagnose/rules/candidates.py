@@ -51,6 +51,13 @@ class CandidatesRules:
         200.0, "nats", "distance behind the leader, or below the baseline, from which a hypothesis is out of the race"
     )
     ridge_nats: float = rule(0.25, "nats", "fits this close are the same, with values that the data leave open")
+    jump_span: float = rule(
+        0.15,
+        "share",
+        "of a value on which the answer depends in jumps, how far around a fit it is looked for, and its square once "
+        "more: 24 values over the range lie 19 % apart",
+    )
+    jump_values: int = rule(129, "count", "values looked at over each of these spans")
     alike_cos2: float = rule(
         0.9, "cos²", "overlap from which two hypotheses must both be fitted: the score cannot tell them apart"
     )

@@ -99,6 +99,12 @@ class DataRules:
         "least length of a stretch where recordings have no longer ones, and rows with a measurement without which one "
         "of several recordings is not used: a start and little more, with wide bands",
     )
+    remembered_samples: int = rule(
+        20_000,
+        "samples",
+        "inputs before a stretch that what lies before the plant may remember: a valve that sticks keeps its place "
+        "until the command has moved far enough; the bound keeps recordings of many stretches quick",
+    )
     whole_recordings: int = rule(
         3,
         "count",

@@ -19,6 +19,12 @@ class SelectionRules:
     half_limit_share: float = rule(
         0.5, "share", "part of the score's limit from which kin of what leads, and forms that complete it, are fitted"
     )
+    lasting_rate: float = rule(
+        0.1,
+        "nats a sample",
+        "by which the validation data must be foretold worse than the training data, at the lower end of the interval, "
+        "before the data are divided otherwise",
+    )
     vuong_z: float = rule(2.0, "deviations", "Vuong's z below which two models are not told apart")
     told_apart_nats: float = rule(
         2.995732273553991, "nats", "gain that tells two models apart, however evenly it comes: odds of 20 to 1"

@@ -28,6 +28,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
 from aeolid.diagnose.selection.hidden_modes import hides_a_mode, is_beyond
+from aeolid.diagnose.selection.lasting import does_not_last
 from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
@@ -50,11 +51,23 @@ class First:
 
 
 def find_first(case: Case, seed: int, step: Step, deadline: Deadline | None = None) -> First:
-    """Look for one effect; at a finer rate again where a mode lies beyond what the rows of the first look show.
+    """Look for one effect; where nothing is found and the baseline does not last, with the fit data divided otherwise.
 
     step(name, share done) marks the beginning of a step and returns what ends it.
     """
     deadline = deadline or unlimited()
+    found = _find(case, seed, step, deadline)
+    if found.winner is not None or not does_not_last(found.prepared, seed):
+        return found
+    try:
+        again = _find(replace(case, around=True), seed, step, deadline)
+    except NotIdentifiable:
+        return found
+    return found if again.winner is None else again
+
+
+def _find(case: Case, seed: int, step: Step, deadline: Deadline) -> First:
+    """Look for one effect; at a finer rate again where a mode lies beyond what the rows of the first look show."""
     found = _look(case, seed, step, 0.02, None, deadline)
     while found.prepared.decimation > 1 and _is_cut_off(found):
         if deadline.skips("all of it at a finer rate, where a mode lies beyond the rows of the first look"):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.structure.felt import felt_in
 from aeolid.diagnose.structure.forces import FORCE, RATE
 from aeolid.diagnose.structure.modal import ModalForm
 from aeolid.diagnose.structure.sums import factors_of, written_out
@@ -134,16 +135,31 @@ def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
 
 
 def _with_felt(model: Equations, name: str) -> Equations:
-    """Let outputs that repeat a state's equation read it as an intermediate."""
+    """Let outputs that repeat a state's equation, or all of it that states move, read it as an intermediate."""
     d, label = next(s.derivative for s in model.states if s.name == name), f"{FELT}{name}"
     shared = {a.name for a in model.auxiliaries}
     is_signal = isinstance(d, ast.Constant) or (isinstance(d, ast.Name) and d.id not in shared)
     if is_signal or label in shared:
         return model
-    outputs = tuple(replace(o, equation=ex.swap(o.equation, d, ast.Name(id=label))) for o in model.outputs)
+    state = next(s for s in model.states if s.name == name)
+    outputs = tuple(_feeling(o, state, label, model) for o in model.outputs)
     if not any(label in ex.names_in(o.equation) for o in outputs):
         return model
     return replace(model, outputs=outputs, auxiliaries=(*model.auxiliaries, Auxiliary(label, d)))
+
+
+def _feeling(output: Output, state: State, label: str, model: Equations) -> Output:
+    """Return an output that reads what it repeats of a state's equation as an intermediate."""
+    swapped = ex.swap(output.equation, state.derivative, ast.Name(id=label))
+    if label in ex.names_in(swapped):
+        return replace(output, equation=swapped)
+    found = felt_in(output, state, model)
+    if found is None:
+        return output
+    factor, rest = found
+    felt = ast.Name(id=label) if factor == 1.0 else ex.combine("*", ast.Constant(factor), ast.Name(id=label))
+    is_all = isinstance(rest, ast.Constant) and not rest.value
+    return replace(output, equation=felt if is_all else ex.combine("+", felt, rest))
 
 
 _Part = tuple[Array, str, list[str]]  # coefficients, the matrix they stand in, the names they multiply

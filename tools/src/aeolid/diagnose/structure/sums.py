@@ -19,6 +19,15 @@ def factors_of(tree: ast.expr, model: Equations, names: Collection[str]) -> dict
     return parts
 
 
+def straight_in(tree: ast.expr, name: str, model: Equations) -> tuple[float, float] | None:
+    """Return (a, b) where an expression is a·name + b at the declared parameters, a not none; None where it is not."""
+    constants = {"pi": math.pi, **{p.name: p.value for p in model.parameters}}
+    parts = _sum(written_out(tree, model), constants, {name})
+    if parts is None or not math.isfinite(sum(parts.values())) or not parts.get(name):
+        return None
+    return parts[name], parts.get("", 0.0)
+
+
 def _sum(tree: ast.expr, constants: Mapping[str, float], names: Collection[str]) -> dict[str, float] | None:
     """Return a sum's factors by name, "" for its constant; None where it is no such sum."""
     if isinstance(tree, ast.Constant):

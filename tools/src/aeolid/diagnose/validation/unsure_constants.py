@@ -78,5 +78,6 @@ def _joint(declared: Equations, predictor: Predictor, before: Fit) -> tuple[Fit,
     root[range(len(held)), held] = 1.0 / (share * np.abs(before.point.theta[held]))
     informed = predictor.informed(Prior(known.mean, np.vstack([known.root, root])))
     fit = informed.at(before.point, replace(before.free, theta=(*before.free.theta, *held)))
+    fit = replace(fit, jumps=before.jumps)
     step = fit.newton_step()
     return (fit, np.hypot(fit.std, step)) if np.all(np.isfinite(step)) else None

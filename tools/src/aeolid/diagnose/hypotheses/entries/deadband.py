@@ -47,7 +47,7 @@ def _on(site: Site, i: int) -> list[Attachment]:
         forms.append(("dead_zone", _zone, equation, ", around zero"))
     for kind, statement, equation, form in forms:
         width = f"{kind}_width_{i + 1}"
-        slot = Slot(width, "width", unit, 0.0, 0.0, 4 * spread, 0.01 * spread, local=False)
+        slot = Slot(width, "width", unit, 0.0, 0.0, 4 * spread, 0.01 * spread, local=False, jumps=kind == "deadband")
         hypothesis = blended_filter(
             site, i, kind, (slot,), entry="deadband", form=form,
             grid=[{width: share * spread} for share in _GRID],

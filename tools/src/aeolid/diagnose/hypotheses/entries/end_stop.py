@@ -9,7 +9,7 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, S
 from aeolid.diagnose.hypotheses.parts.forces import force_on, natural, per, travel, with_spring
 from aeolid.diagnose.structure.anatomy import Motion
 
-_ENDS = (0.95, 0.85, 0.7, 0.5)  # of the travel seen, where both stops are tried
+_ENDS = (0.95, 0.85, 0.7, 0.5, 0.35)  # of the travel seen, where both stops are tried
 _WITHIN = (0.6, 0.35, 0.1)  # the same where one stop is tried at a recorded position
 _STIFF = 1e4  # times the natural stiffness: beyond that a sample cannot tell
 _SAMPLED = 1.0  # of a model in discrete time: radians that what a stop catches turns in a sample, at most

@@ -70,7 +70,8 @@ class Slot:
 
     `name` in the model, `label` and `unit` in the report (None hides it), null value, physical range, typical size;
     `local` says that its score at the null exists; `show` turns the model's value into the reported one. change: of a
-    moment, the name of the size that comes then, and the seconds a row. idle: of a limit, where it never acts.
+    moment, the name of the size that comes then, and the seconds a row. idle: of a limit, where it never acts. jumps:
+    the model's answer depends on it in jumps, and is looked at closely around where a fit ends.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Slot:
     show: Callable[[float], float] = float
     change: tuple[str, float] | None = None
     idle: float | None = None
+    jumps: bool = False
 
     def reported(self, value: float, std: float) -> tuple[float, float]:
         """Return value and deviation as the report has them: its 90 % band reaches the farther end of the model's.

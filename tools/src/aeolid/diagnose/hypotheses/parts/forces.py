@@ -12,6 +12,7 @@ import numpy as np
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.structure.anatomy import Motion
+from aeolid.diagnose.structure.sums import straight_in
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
 
@@ -79,15 +80,18 @@ def natural(motion: Motion, power: int = 1, *, velocity: bool = False) -> float:
 def travel(site: Site, motion: Motion) -> tuple[float, float]:
     """Return the middle and the half-width of what a position is seen to move over.
 
-    From the recording where it is an input or the output that is this position, else around zero by its typical size.
+    From the recording where it is an input, or an output shows this position alone, be it in another unit; else around
+    zero by its typical size.
     """
     if motion.recorded is not None:
         return sum(motion.recorded) / 2, (motion.recorded[1] - motion.recorded[0]) / 2
     for j, output in enumerate(site.model.outputs):
-        if motion.position is not None and ex.to_text(output.equation) == ex.to_text(motion.position):
-            low, high = np.nanquantile(site.y[:, j], [0.001, 0.999])
-            if high > low:
-                return float(low + high) / 2, float(high - low) / 2
+        if isinstance(motion.position, ast.Name):
+            shown = straight_in(output.equation, motion.position.id, site.model)
+            if shown is not None:
+                low, high = sorted((np.nanquantile(site.y[:, j], [0.001, 0.999]) - shown[1]) / shown[0])
+                if high > low:
+                    return float(low + high) / 2, float(high - low) / 2
     return 0.0, 2.5 * motion.position_size
 
 
