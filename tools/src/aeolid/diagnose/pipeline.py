@@ -122,8 +122,7 @@ def study(
     done()
     first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
-    findings += (*wind_findings(case.records, prepared.declared), *_sampling(prepared))
-    findings += ridge_findings(case.baseline, prepared.declared)
+    findings += _of_the_stage(case, prepared)
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)
@@ -151,9 +150,11 @@ def study(
     )  # fmt: skip
 
 
-def _sampling(prepared: Prepared) -> tuple[Finding, ...]:
-    """Return what was settled of how inputs go on between their samples."""
-    return sampling_findings(prepared.records, prepared.sampling, prepared.records[0].sample_time_s)
+def _of_the_stage(case: Case, prepared: Prepared) -> tuple[Finding, ...]:
+    """Return what a stage knows of wind, of how inputs go on between their samples, of values that were held."""
+    read = sampling_findings(prepared.records, prepared.sampling, prepared.records[0].sample_time_s)
+    held = ridge_findings(case.baseline, prepared.declared)
+    return (*wind_findings(case.records, prepared.declared), *read, *held)
 
 
 def _evidence(

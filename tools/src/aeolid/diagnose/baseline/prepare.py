@@ -131,8 +131,7 @@ def prepare(
     given = (*exogenous, *smoothed_wind(records))
     names = [s.name for s in declared.inputs] + [c.name for c in given]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
-    factor = factor_for(fastest, step, sum(len(r) for r in records)) if linear is None else 1
-    factor = min(factor, most or factor)
+    factor = _factor(fastest, records, most) if linear is None else 1
     r, d = base.inputs, len(declared.inputs)
     split = split_records(records, names[:r], outputs, settle, factor, names[r:], case.around)
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
@@ -142,9 +141,8 @@ def prepare(
     if isinstance(case.baseline, Equations) and (held := values_to_hold(*rough)):
         return prepare(replace(case, baseline=with_held(case.baseline, held)), most, deadline, sampling)
     sizes, rates, moves = _sizes(rough, scales)
-    motions, bodies, working, forces = _anatomy(declared, linear, (sizes, rates, spreads, moves), split, settle)
-    if linear is None:
-        motions, working = _with_signals(motions, working, exogenous, split, records[0])
+    typical = sizes, rates, spreads, moves
+    motions, bodies, working, forces = _anatomy(declared, linear, typical, (split, settle), (exogenous, records[0]))
     declared = with_sampling(base.bare(working.auxiliaries), sampling, step)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
@@ -157,12 +155,18 @@ def prepare(
         recorded_wind(working, given), deadline,
     )  # fmt: skip
     predictor, free, start = frame.extend((), split.fit)
-    run = frame.as_run(predictor.compiled.model, start.x0)
-    predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)
+    starts = [p for p in (start, frame.as_run(predictor.compiled.model, start.x0)) if p is not None]
+    predictor, fit = _fit_baseline(predictor, free, starts, case)
     return Prepared(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
         base.run, site, tuple(records), sampling,
     )  # fmt: skip
+
+
+def _factor(fastest: float, records: Sequence[Record], most: int | None) -> int:
+    """Return how many samples one prediction spans, at most `most`; fastest: rate of the model, 1/s."""
+    found = factor_for(fastest, records[0].sample_time_s, sum(len(r) for r in records))
+    return min(found, most or found)
 
 
 def _acting(base: Baseline) -> list[str]:
@@ -187,13 +191,18 @@ def _with_signals(
 
 
 def _anatomy(
-    declared: Equations, linear: StateSpace | None, typical: tuple[Array, ...], split: Split, settle: float
+    declared: Equations,
+    linear: StateSpace | None,
+    typical: tuple[Array, ...],
+    parts: tuple[Split, float],
+    recorded: tuple[Sequence[Exogenous], Record],
 ) -> tuple[tuple[Motion, ...], tuple[Motion, ...], Equations, dict[str, float]]:
     """Return the motions, a linear model's bodies, the working model, the sizes of its unmeasured forces.
 
-    Added to the model are unmeasured forces, or the modes' coordinates and the bodies' velocities.
+    Added to the model are unmeasured forces and what recorded coordinates need, or the modes' coordinates and the
+    bodies' velocities. parts: the split and the settling time in s; recorded: further channels, and a recording.
     """
-    sizes, rates, spreads, moves = typical
+    (sizes, rates, spreads, moves), (split, settle) = typical, parts
     if linear is not None:
         found, working = motions_of_state_space(linear, declared, sizes, spreads)
         driven, working = bodies_of_state_space(linear, working, sizes, np.vstack([s.y for s in split.fit]))
@@ -203,7 +212,9 @@ def _anatomy(
     working, added = shape_forces(declared, span, split.fit[0].step)
     forces = {f: own[f.removeprefix(FORCE)] * _mass(declared, f) for f in added}
     bodies = motions_of_equations(declared, sizes, rates)
-    return (*bodies, *motions_between(declared, bodies, sizes, rates, moves)), (), working, forces
+    motions = (*bodies, *motions_between(declared, bodies, sizes, rates, moves))
+    motions, working = _with_signals(motions, working, recorded[0], split, recorded[1])
+    return motions, (), working, forces
 
 
 def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: Case) -> tuple[Predictor, Fit]:

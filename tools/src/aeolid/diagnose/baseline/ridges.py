@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 Array = NDArray[np.float64]
 _NONE = 1e-10  # eigenvalue of the scaled Gram matrix: slopes are forward differences, right to 1e-6
-_PART = 0.05  # of a direction of unit length, from which a value belongs to it
 _ASIDE = 0.1  # of a declared value, by which it is moved: a direction that is open at one point only is none
 _CHECK = "left open"
 
@@ -85,8 +85,9 @@ def _open_at(predictor: Predictor, point: Point, places: Sequence[int]) -> set[i
     moving = np.flatnonzero(np.diag(gram) > 0)
     size = np.sqrt(np.diag(gram)[moving])
     values, vectors = np.linalg.eigh(gram[np.ix_(moving, moving)] / np.outer(size, size))
+    part = in_force().baseline.ridge_part
     share = np.max(np.abs(vectors[:, values < _NONE]), axis=1, initial=0.0)
-    return {places[m] for m, s in zip(moving.tolist(), share, strict=True) if m < len(places) and s > _PART}
+    return {places[m] for m, s in zip(moving.tolist(), share, strict=True) if m < len(places) and s > part}
 
 
 def _range(parameter: Parameter) -> float:

@@ -83,14 +83,15 @@ def with_jump_deviations(predictor: Predictor, fit: Fit, attachments: Sequence[A
     Half of the farther of the two distances from which on the fit is two nats worse, all else as it is: of a value with
     a slope this is its deviation. Infinite where nothing within its range is worse. Cost: 2 × 40 filter passes a value.
     """
-    model, least, found = predictor.compiled.model, predictor.objective(fit.point), []
+    model, found = predictor.compiled.model, []
+    least = predictor.objective(fit.point) + in_force().evidence.two_deviations_nats
     for slot in (s for a in attachments for s in a.slots if s.jumps and s.name not in a.fixed):
         index = model.index(slot.name)
         value, reach = float(fit.point.theta[index]), 0.0
         for way in (-1.0, 1.0):
             ends = (value + way * d for d in np.geomspace(1e-6, 1.0, _DISTANCES) * (slot.high - slot.low))
             inside = (end for end in ends if slot.low <= end <= slot.high)
-            worse = (e for e in inside if predictor.objective(shifted(fit.point, model, {slot.name: e})) > least + 2.0)
+            worse = (e for e in inside if predictor.objective(shifted(fit.point, model, {slot.name: e})) > least)
             reach = max(reach, abs(next(worse, np.inf) - value))
         if index in fit.free.theta:
             found.append((index, 0.5 * reach))

@@ -28,7 +28,7 @@ class Stretch:
     """Hold samples start … stop − 1 of one output of one recording, all equal, and why.
 
     kind: "rest", the model does not move there either and no input does; "still", the machine may stand although its
-    model moves (friction, a dead band, a stop): evidence; "end", the extreme value of the channel, which it has at other
+    model moves (friction, a dead band, a stop): evidence; "end", the channel's extreme value, which it has at other
     times as well: evidence of a range that ends; "stuck", the sensor.
     """
 
@@ -219,6 +219,6 @@ def words(stretch: Stretch, channel: Channel, record: Record) -> str:
     return {
         "rest": f"{rows} {at}, and no input drives it: a machine at rest; what follows its coming to rest is left out",
         "still": f"{rows} {at}, where the machine may stand (friction, a dead band, a stop, no drive); it is kept",
-        "end": f"{rows} {at}, an end of its values that comes at other times as well: of a range, or a stop; it is kept",
+        "end": f"{rows} {at}, its extreme, which comes at other times as well: a range ends there, or a stop; it is kept",
         "stuck": f"{rows} {at}, where it must have moved: a stuck sensor, or held; these samples are left out",
     }[stretch.kind]

@@ -34,6 +34,11 @@ class BaselineRules:
     level_error: float = rule(
         0.3, "deviations of the output", "error of a simulation above which a unit with another zero is not told"
     )
+    ridge_part: float = rule(
+        0.05,
+        "share",
+        "part of a direction of unit length that moves nothing, from which a free value belongs to it and may be held",
+    )
     wind_known_share: float = rule(
         0.9,
         "share",
