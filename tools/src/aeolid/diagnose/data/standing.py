@@ -219,6 +219,6 @@ def words(stretch: Stretch, channel: Channel, record: Record) -> str:
     return {
         "rest": f"{rows} {at}, and no input drives it: a machine at rest; what follows its coming to rest is left out",
         "still": f"{rows} {at}, where the machine may stand (friction, a dead band, a stop, no drive); it is kept",
-        "end": f"{rows} {at}, its extreme, which comes at other times as well: a range ends there, or a stop; it is kept",
+        "end": f"{rows} {at}, its extreme, where it is at other times as well: a range that ends, or a stop; kept",
         "stuck": f"{rows} {at}, where it must have moved: a stuck sensor, or held; these samples are left out",
     }[stretch.kind]
