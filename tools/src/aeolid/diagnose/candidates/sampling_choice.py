@@ -66,8 +66,10 @@ def choice_of(case: Case, prepared: Prepared) -> Choice:
     """Return what the likelihood may choose among on this recording."""
     traits = traits_of(prepared.records, [n for n, _ in prepared.sampling.holds])
     closed = case.context.get("closed_loop") is True
-    moving = () if closed else tuple(t.name for t in traits if t.hold is None)
+    measured_only = {c.name for c in prepared.records[0].channels if c.role == "disturbance"}
+    moving = tuple(t.name for t in traits if t.hold is None and (not closed or t.name in measured_only))
     measured = all(t.kind == "smooth" or t.hold in HOLDS[1:] for t in traits)
     names = prepared.site.input_names
-    kinds = () if case.context.get("closed_loop") is False else tuple((names.index(t.name), t.kind) for t in traits)
+    answering = () if case.context.get("closed_loop") is False else [t for t in traits if t.name not in measured_only]
+    kinds = tuple((names.index(t.name), t.kind) for t in answering)
     return Choice(moving, measured and not closed, closed, kinds)

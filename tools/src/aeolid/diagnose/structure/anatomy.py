@@ -24,6 +24,7 @@ _UNSEEN = 1e-9  # of an output's spread, by a mode of unit length
 _DEFECTIVE = 1e-7  # by which the inverse of the eigenvectors may miss the unit matrix
 _FORCE_OF_MASS = {
     "kg": ("force_N", "N"),
+    "g": ("force_mN", "mN"),
     "t": ("force_kN", "kN"),
     "kgm^2": ("torque_N_m", "N m"),
     "kgm2": ("torque_N_m", "N m"),
