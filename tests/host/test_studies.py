@@ -1,6 +1,7 @@
 """Run the studies in their shortest form: the commands work and say what they should."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -220,3 +221,40 @@ def test_second_author_grades_names_values_and_nothing():
     said = study.table(rows)
     assert "| a | rate_limit | named | rate_limit | rate_per_s 2.3 (2) ✗ | wrong |" in said
     assert said.endswith("Of 2: 1 right, 0 open, 0 unnamed, 0 nothing, 1 wrong.")
+
+
+def test_third_author_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
+    """A discrete model, hours in the heading of time, cuts, a gap, lost rows, a stuck gauge: each is read."""
+    from aeolid.diagnose.data.case import load_case
+
+    study = load_study("third_author")
+    words = ["pi_constant", "null_ntc", "oil_thermostat", "null_ph", "mains_stuck"]
+    assert study.main(["--only", *words, "--write-only", "--out", str(tmp_path)]) == 0
+    rows = {"pi_constant": (1900,), "null_ntc": (310, 310), "oil_thermostat": (1640,), "null_ph": (918,),
+            "mains_stuck": (1160,)}  # fmt: skip
+    cases = {path.name: path for path in (tmp_path / "seed_0" / "cases").iterdir()}
+    assert set(cases) == set(rows)
+    for name, counts in rows.items():
+        load_case(cases[name])
+        files = sorted(cases[name].glob("run*.csv"))
+        assert tuple(len(file.read_text().splitlines()) - 1 for file in files) == counts
+
+
+@pytest.mark.parametrize("name", ["null_pi", "null_ntc", "null_brake", "null_cell"])
+def test_third_author_nulls_are_complete(tmp_path, name):
+    """At the true values the model that is given is the machine: noise and wrong values err a hundred times more."""
+    from aeolid.diagnose.data.case import load_case
+
+    study = load_study("third_author")
+    stream, make = study.THIRD[name]
+    case = replace(make(np.random.default_rng(stream)), cuts=(), lost=0, gap=None)
+    load_study("second_author").write(case, tmp_path / name)
+    loaded = load_case(tmp_path / name)
+    model, record = loaded.baseline, loaded.records[0]
+    assert set(case.true) <= {p.name for p in model.parameters}
+    right = replace(model, parameters=tuple(replace(p, value=case.true.get(p.name, p.value)) for p in model.parameters))
+    told, declared = right.simulate(record), model.simulate(record)
+    for k, output in enumerate(model.outputs):
+        clean = case.clean[output.name]
+        noise = np.std(record.column(output.name) - clean)
+        assert np.std(told[:, k] - clean) < 0.01 * min(noise, np.std(declared[:, k] - clean))

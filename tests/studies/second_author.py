@@ -21,7 +21,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,8 @@ from second_author_turbines import TURBINES
 
 GRADES = ("right", "open", "unnamed", "nothing", "wrong")
 TOLERANCE = 0.1
+Makers = Mapping[str, tuple[int, Callable[[np.random.Generator], Case]]]  # name, its stream and what makes it
+SECOND: Makers = TURBINES | PLANTS | MACHINES | NULLS
 _CASE = """[case]
 title = "{name}"
 [recordings]
@@ -51,9 +53,8 @@ machine = "{machine}"
 {context}"""
 
 
-def generated(seed: int, only: list[str]) -> list[Case]:
+def generated(every: Makers, seed: int, only: list[str]) -> list[Case]:
     """Return the cases, all or those whose names begin with a word."""
-    every = TURBINES | PLANTS | MACHINES | NULLS
     chosen = [name for name in every if not only or any(name.startswith(word) for word in only)]
     streams = {name: np.random.default_rng([seed, every[name][0]] if seed else every[name][0]) for name in chosen}
     return [every[name][1](streams[name]) for name in chosen]
@@ -132,12 +133,17 @@ def is_off(told: float, true: float) -> bool:
 
 
 def grade(case: Case, said: Mapping[str, Any]) -> str:
-    """Hold an answer against the truth; a declared value that is told beside the effect is no name."""
+    """Hold an answer against the truth; a declared value that is told beside the effect is no name.
+
+    A case may have further fair verdicts; where the truth is a wrong declared value, the verdict `parameter` is one.
+    """
     wanted, verdict = {*case.right, *case.alike}, said["verdict"]
     names = {effect["id"] for effect in said["effects"]}
     complete = not case.right and not case.outside
     if verdict == "crash" or names - wanted - {"parameter_error", *case.beside}:
         return "wrong"
+    if (case.outside and verdict in case.verdicts) or (verdict == "parameter" and "parameter_error" in case.right):
+        return "right"
     if verdict == "unnamed":
         return "right" if case.outside else "unnamed"
     if complete:
@@ -176,16 +182,16 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join([*lines, "", f"Of {len(rows)}: " + ", ".join(f"{count[g]} {g}" for g in GRADES) + "."])
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Write the cases, diagnose those without an answer and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def run(every: Makers, title: str, description: str | None, arguments: list[str] | None) -> int:
+    """Write the cases of a set, diagnose those without an answer and print the table; the files have its title."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0, help="0 for the streams of the first run")
     parser.add_argument("--only", nargs="*", default=[], help="names of cases, or beginnings of them")
-    parser.add_argument("--out", type=Path, default=Path("second_author"), help="folder of cases and answers")
+    parser.add_argument("--out", type=Path, default=Path(title), help="folder of cases and answers")
     parser.add_argument("--write-only", action="store_true", help="write the cases and diagnose nothing")
     args = parser.parse_args(arguments)
     own = args.out / f"seed_{args.seed}"  # answers stay, so each seed has a folder
-    cases = generated(args.seed, args.only)
+    cases = generated(every, args.seed, args.only)
     if not cases:
         print("no case has such a name; nothing was run", file=sys.stderr)
         return 2
@@ -197,10 +203,15 @@ def main(arguments: list[str] | None = None) -> int:
     for k, case in enumerate(cases):
         print(f"{k + 1} of {len(cases)}: {case.name} …", file=sys.stderr, flush=True)
         rows.append(row_of(case, diagnosed(own / "cases" / case.name, own / "told" / case.name)))
-        (own / "second_author.md").write_text(table(rows) + "\n", encoding="utf-8")
-        (own / "second_author.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        (own / f"{title}.md").write_text(table(rows) + "\n", encoding="utf-8")
+        (own / f"{title}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     print(table(rows))
     return 1 if any(r["grade"] == "wrong" for r in rows) else 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write, diagnose and grade the cases of this set."""
+    return run(SECOND, "second_author", __doc__, arguments)
 
 
 if __name__ == "__main__":

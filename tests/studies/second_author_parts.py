@@ -1,7 +1,7 @@
 """What the systems of second_author.py share: the case, excitations, steps of SciPy's solver, noise, texts of models.
 
-Excitations differ from those of textbook_plants.py in that they dwell for random times. All that is random comes from
-the generator that is passed, in the order of the calls.
+All but the steps serve third_author.py, too. Excitations differ from those of textbook_plants.py in that they dwell for
+random times. All that is random comes from the generator that is passed, in the order of the calls.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ class Case:
     """Hold a recording, the model that is given with it, what that lacks, and how the recording is written.
 
     `right` are entries each of which is the truth, `alike` those that may stand in for it, `values` what an entry of
-    `right` has to tell. Without `right` the model is complete, unless it lacks physics outside the catalogue.
+    `right` has to tell. Without `right` the model is complete, unless it lacks physics outside the catalogue. `clean`
+    are the outputs of a complete model at its true values `true`, where nothing acts that is not recorded.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Case:
     values: Mapping[str, float] = field(default_factory=dict)
     beside: tuple[str, ...] = ()  # entries that the recording has, too, but that alone are no answer
     outside: bool = False  # lacks physics that no entry has
-    verdicts: tuple[str, ...] = ()  # of a complete model, that are true as well
+    verdicts: tuple[str, ...] = ()  # of a model that is complete or lacks physics outside, that are true as well
     machine: str = "rig"
     context: str = ""
     cuts: tuple[int, ...] = ()  # rows at which a new recording begins
@@ -49,6 +50,8 @@ class Case:
     time: str = "time_s"
     time_scale: float = 1.0  # of the column of time, from seconds
     digits: int = 7
+    clean: Mapping[str, Array] = field(default_factory=dict)
+    true: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
