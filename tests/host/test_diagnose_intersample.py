@@ -16,7 +16,7 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.compiled import njit
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
-from aeolid.diagnose.candidates import settle_sampling
+from aeolid.diagnose.candidates import sampling_stage, settle_sampling
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.feedback import feedback_of
 from aeolid.diagnose.candidates.sampling_choice import Choice, choice_of
@@ -104,7 +104,7 @@ def test_where_an_input_that_moves_would_be_too_late_a_held_one_is_asked(monkeyp
     moving = Sampling((("push", "band_limited"),), 1.05 * STEP, 0.0, free=True, gain=188.0)
     held = Sampling((("push", "zoh"),), 0.57 * STEP, 0.0, free=True, gain=175.0)
     monkeypatch.setattr(settle_sampling, "_best", lambda stage, choice: moving if choice.moving else held)
-    monkeypatch.setattr(settle_sampling, "_goes_on", lambda stage, best: best is moving)
+    monkeypatch.setattr(settle_sampling, "goes_on", lambda stage, best: best is moving)
     stage = SimpleNamespace(
         predictor=SimpleNamespace(segments=[SimpleNamespace(y=np.zeros((1000, 2)))]), step=STEP,
         sampling=replace(held, offset_s=0.0, free=False, gain=0.0),
@@ -257,7 +257,7 @@ def test_what_errors_tell_of_a_command_is_feedback_where_no_reading_takes_it_awa
     channels = (("command", "rad", "input"), ("angle", "rad", "output"), ("speed", "rad/s", "output"))
     case = load_case(write_case(tmp_path, GEARS, 0.01, channels, rows_of(np.random.default_rng(5))))
     prepared = prepare(case)
-    now, choice = settle_sampling._stage(prepared, None), choice_of(case, prepared)
+    now, choice = settle_sampling.stage_of(prepared, None), choice_of(case, prepared)
     told = feedback_of(now.predictor, now.point, choice.kinds)
     best = now.tried(Sampling((("command", "band_limited"),), -0.003, 0.0, True))
     assert told > 20  # nats: far beyond chance
@@ -310,7 +310,7 @@ def test_beside_what_ran_to_its_end_it_is_asked_whatever_the_slope(
 ) -> None:  # fmt: skip
     """A value that its range holds takes the slope of all else away: 147 nats of a filter promised none."""
     prepared, alone = stage(tmp_path, rows("held", -0.4))
-    monkeypatch.setattr(settle_sampling, "_promised", lambda predictor, at, place: (0.0, 0.0))
+    monkeypatch.setattr(sampling_stage, "_promised", lambda predictor, at, place: (0.0, 0.0))
     fitted = {
         at_end: SimpleNamespace(
             predictor=prepared.predictor, fit=prepared.fit, attachments=prepared.attachments, at_end=at_end

@@ -18,70 +18,23 @@ What the likelihood may choose among depends on the recording:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.decompositions import lstsq
-from aeolid.diagnose.baseline.frame import carry_free, carry_point
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.feedback import feedback_of
-from aeolid.diagnose.candidates.sampling_choice import MIDDLE, TINY, Choice, choice_of
+from aeolid.diagnose.candidates.sampling_choice import TINY, Choice, choice_of
+from aeolid.diagnose.candidates.sampling_stage import THOROUGH, Stage, goes_on, is_slowest, stage_of
 from aeolid.diagnose.data.case import Case
-from aeolid.diagnose.data.intersample import ROOM, SLOWEST, Sampling, filters_of, with_sampling
-from aeolid.diagnose.predictor.fitted import Fit
-from aeolid.diagnose.predictor.point import Free, Point
-from aeolid.diagnose.predictor.predictor import Predictor
-from aeolid.diagnose.predictor.sensitivity import Variant, columns, theta_variant
+from aeolid.diagnose.data.intersample import Sampling
 from aeolid.diagnose.rules import in_force
-from aeolid.models.integrate import Compiled
-from aeolid.models.intersample import FILTER, FILTERED, HOLDS, OFFSET
+from aeolid.models.intersample import FILTERED, HOLDS
 
 Array = NDArray[np.float64]
-_QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
 _LEADERS, _ENDED = 4, 2  # kinds of effects beside which it is looked again; of those whose values ran to an end
-
-
-@dataclass(frozen=True, eq=False)
-class _Stage:
-    """Hold what trials start from: model with the offset in it, predictor, point, free set, and the value to beat.
-
-    place, delay: of the offset and of the filter's delay among the parameters. promised: nats that the score of an
-    earlier and of a later offset promises; sampling: as the stage reads inputs.
-    """
-
-    predictor: Predictor
-    point: Point
-    free: Free
-    place: int
-    delay: int
-    value: float
-    promised: tuple[float, float]
-    sampling: Sampling
-
-    @property
-    def step(self) -> float:
-        """Return the sample time of the inputs in s."""
-        return self.predictor.segments[0].fine_step
-
-    def tried(self, sampling: Sampling, iterations: int = _QUICK) -> Sampling:
-        """Return a sampling as a brief fit has it, with what it gains."""
-        return self.fitted(sampling, iterations)[0]
-
-    def fitted(self, sampling: Sampling, iterations: int) -> tuple[Sampling, Predictor, Point]:
-        """Return a sampling as a fit of so many iterations has it, with what it gains; the predictor, and its point."""
-        predictor, theta = read_by(self.predictor, sampling), self.point.theta.copy()
-        theta[[self.place, self.delay]] = sampling.offset_s, sampling.filter_s
-        own = (self.place, *((self.delay,) if sampling.is_filtered else ())) if sampling.free else ()
-        start, free = replace(self.point, theta=theta), replace(self.free, theta=(*self.free.theta, *own))
-        found = predictor.climb(start, free, iterations, _TOLERANCE)
-        if found is None:
-            return replace(sampling, gain=-np.inf), predictor, start
-        value, point = found
-        offset, delay = (float(point.theta[i]) for i in (self.place, self.delay))
-        return replace(sampling, offset_s=offset, filter_s=delay, gain=self.value - value), predictor, point
 
 
 def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> Sampling | None:
@@ -94,7 +47,7 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     """
     if prepared.surrogate is not None or not prepared.sampling.holds:
         return None
-    stage, choice = _stage(prepared, winner), choice_of(case, prepared)
+    stage, choice = stage_of(prepared, winner), choice_of(case, prepared)
     ended = winner is not None and winner.at_end  # where a value is held by its range, a slope tells nothing
     asked = ended or max(stage.promised) >= in_force().evidence.two_deviations_nats or _moves(stage, choice)
     best = _likelier(stage, choice) if asked else None
@@ -110,7 +63,7 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     return _nearly_whole(stage, beside)
 
 
-def _moves(stage: _Stage, choice: Choice) -> bool:
+def _moves(stage: Stage, choice: Choice) -> bool:
     """Tell whether measured inputs promise something by going on between their rows, whatever one offset of all does.
 
     A wind from a mast beside a torque that is held: half a row of the one is none of the other, and a filter of the
@@ -158,7 +111,7 @@ def _leaders(candidates: Sequence[Candidate]) -> list[Candidate]:
     return best + [c for c in ended.values() if best and c.score > share * best[0].score][:_ENDED]
 
 
-def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
+def _likelier(stage: Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen where it is clearly likelier than as the stage reads its inputs.
 
     Where the best has a command that comes later than it may, that is physics, and the question is how inputs move
@@ -167,9 +120,9 @@ def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
     drive's range (two linear models, 0.7 rows late, had a dead time and a lag instead of these).
     """
     best = _best(stage, choice)
-    if best is not None and not best.is_held and _goes_on(stage, best):
+    if best is not None and not best.is_held and goes_on(stage, best):
         best = _best(stage, choice := replace(choice, moving=()))
-    if best is not None and _is_slowest(stage, best):
+    if best is not None and is_slowest(stage, best):
         choice = replace(choice, filtered=False)
         plainer = _best(stage, choice)
         share = in_force().candidates.late_share
@@ -183,10 +136,10 @@ def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
     if best.offset_s < 0 or (best.holds != stage.sampling.holds and not best.is_filtered):
         price += _feedback(stage, choice, best)
     clear = best.gain > price and choice.allows(best, stage.step)
-    return best if clear and not _goes_on(stage, best) else None
+    return best if clear and not goes_on(stage, best) else None
 
 
-def _feedback(stage: _Stage, choice: Choice, best: Sampling) -> float:
+def _feedback(stage: Stage, choice: Choice, best: Sampling) -> float:
     """Return the nats that feedback may have lent the best reading: what innovations tell of inputs of their own row.
 
     Under a wrong reading they tell it in open loop, too, and nothing of it is left under the right one (an analogue
@@ -196,24 +149,24 @@ def _feedback(stage: _Stage, choice: Choice, best: Sampling) -> float:
     told = feedback_of(stage.predictor, stage.point, choice.kinds)
     if not told:
         return 0.0
-    _, predictor, point = stage.fitted(best, _THOROUGH)
+    _, predictor, point = stage.fitted(best, THOROUGH)
     left = feedback_of(predictor, point, choice.kinds)
     return left if left < in_force().candidates.feedback_left_share * told else told
 
 
-def _is_too_late(stage: _Stage, choice: Choice, best: Sampling) -> bool:
+def _is_too_late(stage: Stage, choice: Choice, best: Sampling) -> bool:
     """Tell whether the best has a held command beside it whose lateness is more than a habit of the recording."""
     if not choice.allows(best, stage.step):
         return choice.any_offset or choice.late
-    return best.is_held and best.late_s > 0 and _goes_on(stage, best)
+    return best.is_held and best.late_s > 0 and goes_on(stage, best)
 
 
-def _price(stage: _Stage) -> float:
+def _price(stage: Stage) -> float:
     """Return what two parameters cost in all rows, in nats (BIC)."""
     return float(np.log(sum(len(s.y) for s in stage.predictor.segments)))
 
 
-def _as_plain(stage: _Stage, choice: Choice, gain: float) -> Sampling | None:
+def _as_plain(stage: Stage, choice: Choice, gain: float) -> Sampling | None:
     """Return the plain reading, what may be held is and nothing is offset, where no other is clearly likelier.
 
     Alone, a baseline reads its inputs early or late for the lag or the dead band that it lacks (a car's throttle 0.1 s
@@ -224,11 +177,11 @@ def _as_plain(stage: _Stage, choice: Choice, gain: float) -> Sampling | None:
     holds = tuple((n, "zoh" if n in choice.moving or h == FILTERED else h) for n, h in now.holds)
     if not now.free and abs(now.offset_s) < TINY * step and holds == now.holds:
         return None
-    plain = stage.tried(replace(now, holds=holds, offset_s=0.0, free=False), _THOROUGH)
+    plain = stage.tried(replace(now, holds=holds, offset_s=0.0, free=False), THOROUGH)
     return plain if plain.gain > gain - _price(stage) else None
 
 
-def _best(stage: _Stage, choice: Choice) -> Sampling | None:
+def _best(stage: Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen, fitted further, which may have carried it beyond that."""
     trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
     best = _likeliest(stage, [s for s in trials if choice.allows(s, stage.step)])
@@ -240,7 +193,7 @@ def _best(stage: _Stage, choice: Choice) -> Sampling | None:
     return _finished(stage, choice, best)
 
 
-def _likeliest(stage: _Stage, trials: list[Sampling]) -> Sampling | None:
+def _likeliest(stage: Stage, trials: list[Sampling]) -> Sampling | None:
     """Return the best trial; where one with a filter of the outputs gains, too, both kinds are fitted further first.
 
     A filter has one parameter more, a longer way: 967 nats for an offset's 966 after 4 iterations, 1,012 for 994 at 12.
@@ -249,11 +202,11 @@ def _likeliest(stage: _Stage, trials: list[Sampling]) -> Sampling | None:
     kinds = [[s for s in trials if s.is_filtered is kind] for kind in (False, True)]
     leading = [max(kind, key=lambda s: s.gain) for kind in kinds if kind]
     if len(leading) > 1 and leading[1].gain > half:
-        leading = [stage.tried(s, _THOROUGH) if s.free else s for s in leading]
+        leading = [stage.tried(s, THOROUGH) if s.free else s for s in leading]
     return max(leading, key=lambda s: s.gain - half * s.is_filtered, default=None)
 
 
-def _later(stage: _Stage, choice: Choice, trials: list[Sampling], best: Sampling | None) -> Sampling | None:
+def _later(stage: Stage, choice: Choice, trials: list[Sampling], best: Sampling | None) -> Sampling | None:
     """Return the likeliest held command that is later than it may be, where that is likelier than all that may be.
 
     At exactly one sample late it may be again.
@@ -265,48 +218,7 @@ def _later(stage: _Stage, choice: Choice, trials: list[Sampling], best: Sampling
     return _nearly_whole(stage, late)
 
 
-def read_by(predictor: Predictor, sampling: Sampling) -> Predictor:
-    """Return a predictor whose model has an offset, its inputs read otherwise; the machine code stays."""
-    old = predictor.compiled
-    kept = old.model.filters[len(sampling.holds) :]
-    compiled = Compiled(replace(old.model, filters=(*filters_of(sampling), *kept)), old.code)
-    vars(compiled)["wide"] = old.wide
-    return Predictor(compiled, predictor.segments, predictor.scales, predictor.var_order, predictor.deadline)
-
-
-def _stage(prepared: Prepared, winner: Candidate | None) -> _Stage:
-    source, fit = (prepared.predictor, prepared.fit) if winner is None else (winner.predictor, winner.fit)
-    effects = prepared.attachments if winner is None else winner.attachments
-    step, now = source.segments[0].fine_step, prepared.sampling
-    holds, delay_s = tuple((n, FILTERED) for n, _ in now.holds), now.filter_s or MIDDLE * step
-    seen = replace(now, holds=holds, filter_s=delay_s, free=True)
-    working = with_sampling(prepared.frame.working, seen, step)
-    frame = replace(prepared.frame, working=working, compiled={})
-    predictor = read_by(frame.extend(effects, source.segments)[0].with_order(source.var_order or 0), now)
-    old, model = source.compiled.model, predictor.compiled.model
-    place, delay, point = model.index(OFFSET), model.index(FILTER), carry_point(fit.point, old, model)
-    free = carry_free(fit.free, old, model)
-    free = replace(free, theta=tuple(i for i in free.theta if i not in (place, delay)))
-    at = predictor.at(point, free)
-    promised = _promised(predictor, at, place)
-    return _Stage(predictor, point, free, place, delay, predictor.objective(point), promised, now)
-
-
-def _promised(predictor: Predictor, at: Fit, place: int) -> tuple[float, float]:
-    """Return the nats that moving the offset down and up promises beyond what all that is free could do."""
-    h, base = TINY * predictor.segments[0].fine_step, at.residual
-    moves = [theta_variant(at.point, {place: -h}), theta_variant(at.point, {place: h}), Variant(at.point, 1.0)]
-    found = columns(predictor, at.point, at.noise, base, moves)
-    down, up = (found[:, k] - found[:, 2] / moves[k].h for k in (0, 1))
-    result = []
-    for column, sign in ((down, -1.0), (up, 1.0)):
-        own = column - at.jacobian @ lstsq(at.jacobian, column, rcond=1e-10)
-        slope = sign * float(own @ base)
-        result.append(0.5 * slope**2 / max(float(own @ own), 1e-300) if slope > 0 else 0.0)
-    return result[0], result[1]
-
-
-def _finished(stage: _Stage, choice: Choice, best: Sampling) -> Sampling:
+def _finished(stage: Stage, choice: Choice, best: Sampling) -> Sampling:
     """Return the best trial, fitted further, after each moving input had its chance of being held.
 
     Where that may be: of a command beside a measured input none is late, and a turbine's pitch and torque, 0.8 rows
@@ -320,35 +232,9 @@ def _finished(stage: _Stage, choice: Choice, best: Sampling) -> Sampling:
     return _nearly_whole(stage, best) if best.free else best
 
 
-def _nearly_whole(stage: _Stage, sampling: Sampling) -> Sampling:
+def _nearly_whole(stage: Stage, sampling: Sampling) -> Sampling:
     """Return a sampling with its offset held at the nearest whole sample where that is as likely."""
-    free = stage.tried(replace(sampling, free=True), _THOROUGH)
+    free = stage.tried(replace(sampling, free=True), THOROUGH)
     near = float(np.rint(free.offset_s / stage.step)) * stage.step
-    exact = stage.tried(replace(free, offset_s=near, free=False), _THOROUGH)
+    exact = stage.tried(replace(free, offset_s=near, free=False), THOROUGH)
     return exact if exact.gain > free.gain - in_force().evidence.two_deviations_nats else free
-
-
-def _goes_on(stage: _Stage, best: Sampling) -> bool:
-    """Tell whether it is likelier still beyond the one sample that a habit may be, or a late command's lag is.
-
-    A late one at the very end of its range is (a heater 1.05 samples late: the way of its warmth to the sensor), and
-    so is a filter as slow as it may be.
-    """
-    shift = best.late_s / stage.step
-    if abs(shift) >= 1.0 and best.free and shift > ROOM - TINY:
-        return True
-    if _is_slowest(stage, best):
-        return True
-    if abs(shift) < 1.0:
-        return False
-    other = best.late_s - best.offset_s
-    places = (in_force().candidates.offset_beyond_samples, 0.75)
-    trials = [replace(best, offset_s=k * np.sign(shift) * stage.step - other, free=False) for k in places]
-    beyond, within = (stage.tried(t, _THOROUGH).gain for t in trials)
-    physics = shift > 0 and not best.free and within > best.gain
-    return beyond > best.gain or physics
-
-
-def _is_slowest(stage: _Stage, best: Sampling) -> bool:
-    """Tell whether the outputs' filter is as slow as it may be."""
-    return best.is_filtered and best.filter_s > (1.0 - TINY) * SLOWEST * stage.step

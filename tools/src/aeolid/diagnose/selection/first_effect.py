@@ -28,7 +28,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
 from aeolid.diagnose.selection.hidden_modes import hides_a_mode, is_beyond
-from aeolid.diagnose.selection.lasting import does_not_last
+from aeolid.diagnose.selection.lasting import does_not_last, explains_more
 from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
@@ -51,19 +51,23 @@ class First:
 
 
 def find_first(case: Case, seed: int, step: Step, deadline: Deadline | None = None) -> First:
-    """Look for one effect; where nothing is found and the baseline does not last, with the fit data divided otherwise.
+    """Look for one effect; where what was found, if anything, does not last, with the data divided otherwise, too.
 
     step(name, share done) marks the beginning of a step and returns what ends it.
     """
     deadline = deadline or unlimited()
     found = _find(case, seed, step, deadline)
-    if found.winner is not None or not does_not_last(found.prepared, seed):
+    if not does_not_last(found.prepared, found.winner, seed):
         return found
     try:
         again = _find(replace(case, around=True), seed, step, deadline)
     except NotIdentifiable:
         return found
-    return found if again.winner is None else again
+    if again.winner is None or again.prepared.deadline.passed:
+        return found
+    if found.winner is None or explains_more(found.prepared, found.winner, again.prepared, again.winner):
+        return again
+    return found
 
 
 def _find(case: Case, seed: int, step: Step, deadline: Deadline) -> First:

@@ -12,7 +12,8 @@ from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import Array, blended_filter, is_continuous, unit_of_input
 
 _GRID = (0.97, 0.85)  # quantiles of the input where a limit is tried; 1 − q below
-_STARTS = (0.99, 0.95, 0.9, 0.8, 0.7)
+_STARTS = (0.99, 0.95, 0.9, 0.8, 0.7, 0.5, 0.3)
+_STRONGEST = 0.15  # quantile of the input that an upper limit reaches down to; 1 − q for a lower one
 _BEYOND, _REACH = 0.05, 0.1  # of the recorded range: where a limit that never acts stands, where its range ends
 
 
@@ -36,10 +37,10 @@ def _on(site: Site, i: int) -> list[Attachment]:
         return []
     name, unit, width = site.input_names[i], unit_of_input(site, i), top - bottom
     low, high = f"input_low_{i + 1}", f"input_high_{i + 1}"
-    middle = float(np.median(u))
+    deepest, highest = (float(q) for q in np.quantile(u, (_STRONGEST, 1 - _STRONGEST)))
     slots = (
-        Slot(low, "low", unit, bottom - _BEYOND * width, bottom - _REACH * width, middle, 0.01 * width, local=False),
-        Slot(high, "high", unit, top + _BEYOND * width, middle, top + _REACH * width, 0.01 * width, local=False),
+        Slot(low, "low", unit, bottom - _BEYOND * width, bottom - _REACH * width, highest, 0.01 * width, local=False),
+        Slot(high, "high", unit, top + _BEYOND * width, deepest, top + _REACH * width, 0.01 * width, local=False),
     )
     return [
         blended_filter(
@@ -60,7 +61,7 @@ def _limits(u: Array, quantiles: tuple[float, ...], low: str, high: str) -> list
         upper = min(float(np.quantile(u, q)), top - beyond / 5)
         lower = max(float(np.quantile(u, 1 - q)), bottom + beyond / 5)
         pairs = ((bottom - beyond, upper), (lower, top + beyond), (lower, upper))
-        result += [{low: a, high: b} for a, b in pairs]
+        result += [{low: a, high: b} for a, b in pairs if a < b]
     return result
 
 

@@ -11,7 +11,7 @@ from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
-_STARTS = (0.5, 1.5, 2.5, 3.5, 5.5, 8.5, 13.5)  # samples
+_STARTS = (0.5, 1.5, 2.5, 3.5, 5.5, 8.5, 13.5, 20, 28, 38, 50, 65, 85)  # samples: a delay has an optimum in every one
 
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
@@ -36,7 +36,7 @@ def _attach(site: Site) -> list[Attachment]:
                 "transport_delay", f"transport_delay input:{name}", location(f"input:{name}", inputs=(name,)), edit,
                 (Slot(delay, "delay_s", "s", 0.0, 0.0, longest, 0.3 * site.step),),
                 stepped=True,
-                starts=({}, *({delay: k * site.step} for k in _STARTS)),  # a delay has an optimum in every sample
+                starts=({}, *({delay: k * site.step} for k in _STARTS if k * site.step < longest)),
                 equation=f"{name}_actual(t) = {name}(t - delay_s)",
                 statement=partial(_statement, name), credible=later_than_a_reading(site.step),
             )
