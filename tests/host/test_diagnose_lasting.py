@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.race import select_density
+from aeolid.diagnose.candidates.refit import refit
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.split import Split, segments_of, split_records
 from aeolid.diagnose.predictor.point import Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.diagnose.selection.first_effect import First, find_first
+from aeolid.diagnose.selection.lasting import does_not_last, explains_more
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations, InputFilter, Parameter
 from aeolid.models.integrate import compile_equations, simulate
@@ -55,16 +60,23 @@ def spring() -> Equations:
 
 def recording(rows: int, softer_from: float, seed: int) -> Record:
     """Return a spring of 4 per s², of 3 from a share of the rows on, behind white noise of a fiftieth."""
-    rng, model = np.random.default_rng(seed), compile_equations(spring())
-    u = np.repeat(rng.standard_normal(rows // 10 + 1), 10)[:rows, None]
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.standard_normal(rows // 10 + 1), 10)[:rows]
+    y = simulate_softening(u, softer_from, seed + 100)
+    return Record(STEP * np.arange(rows), np.column_stack([u, y]), CHANNELS, STEP, "a.csv", "")
+
+
+def simulate_softening(acting: Array, softer_from: float, seed: int) -> Array:
+    """Return the position of that spring (N,) under what acts (N,)."""
+    model, u, rows = compile_equations(spring()), acting[:, None], len(acting)
     first, state = int(softer_from * rows), np.zeros(2)
     y = simulate(model, u[:first], np.array([4.0, 0.6]), state, STEP)[:, 0]
     if first < rows:
         blank, gain = np.full((first, 1), np.nan), np.zeros((2, 1))
         state = model.predict(u[:first], blank, np.array([4.0, 0.6]), gain, state, STEP, 1, 1, False)[2][-1]
         y = np.r_[y, simulate(model, u[first:], np.array([3.0, 0.6]), state, STEP)[:, 0]]
-    y += 0.02 * y.std() * rng.standard_normal(rows)
-    return Record(STEP * np.arange(rows), np.column_stack([u, y]), CHANNELS, STEP, "a.csv", "")
+    noisy: Array = y + 0.02 * y.std() * np.random.default_rng(seed).standard_normal(rows)
+    return noisy
 
 
 def first_of(record: Record) -> First:
@@ -103,6 +115,25 @@ def test_a_spring_that_softens_behind_the_fit_data_is_found(softer_from: float, 
         assert entry == "stiffness_change"
         assert abs(values["time_s"][0] - 96) < 2  # two rows of the slowest input
         assert abs(values["stiffness_change"][0] + 1.0) < 4 * values["stiffness_change"][1]
+
+
+def test_what_lasts_and_what_explains_more_is_told_of_an_effect_as_well() -> None:
+    """The change lasts, the baseline of the first half does not, nor does what is fitted to it there."""
+    record = recording(1600, 0.6, 3)
+    later = first_of(record)
+    case = Case("spring", (record,), "equations", spring(), "spring.toml", "", {}, Path(), False)
+    early = prepare(case)
+    other = refit(
+        early,
+        early.fit,
+        [r for r in score_bank(early, early.hypotheses, 1).rows if r.testable][:1],
+        select_density(early),
+    )
+    assert later.winner is not None and other is not None
+    assert does_not_last(early, None, 1) and does_not_last(early, other, 1)
+    assert not does_not_last(later.prepared, later.winner, 1)
+    assert explains_more(early, other, later.prepared, later.winner)
+    assert not explains_more(later.prepared, later.winner, early, other)
 
 
 def test_a_drive_that_holds_remembers_what_came_before_a_stretch() -> None:
