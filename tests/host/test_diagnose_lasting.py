@@ -11,8 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import prepare
-from aeolid.diagnose.candidates.race import select_density
-from aeolid.diagnose.candidates.refit import refit
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.split import Split, segments_of, split_records
 from aeolid.diagnose.predictor.point import Point, Prior, Scales
@@ -129,7 +127,7 @@ def test_what_lasts_and_what_explains_more_is_told_of_an_effect_as_well() -> Non
         [r for r in score_bank(early, early.hypotheses, 1).rows if r.testable][:1],
         select_density(early),
     )
-    assert later.winner is not None and other is not None
+    assert later.winner is not None
     assert does_not_last(early, None, 1) and does_not_last(early, other, 1)
     assert not does_not_last(later.prepared, later.winner, 1)
     assert explains_more(early, other, later.prepared, later.winner)
