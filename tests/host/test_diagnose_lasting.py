@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.race import fit_rows
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.split import Split, segments_of, split_records
 from aeolid.diagnose.predictor.point import Point, Prior, Scales
@@ -121,12 +122,8 @@ def test_what_lasts_and_what_explains_more_is_told_of_an_effect_as_well() -> Non
     later = first_of(record)
     case = Case("spring", (record,), "equations", spring(), "spring.toml", "", {}, Path(), False)
     early = prepare(case)
-    other = refit(
-        early,
-        early.fit,
-        [r for r in score_bank(early, early.hypotheses, 1).rows if r.testable][:1],
-        select_density(early),
-    )
+    lags = [r for r in score_bank(early, early.hypotheses, 1).rows if r.attachment.entry == "actuator_lag"]
+    (other,) = fit_rows(early, lags)
     assert later.winner is not None
     assert does_not_last(early, None, 1) and does_not_last(early, other, 1)
     assert not does_not_last(later.prepared, later.winner, 1)
