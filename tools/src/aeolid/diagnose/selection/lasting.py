@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
@@ -10,6 +11,8 @@ from aeolid.diagnose.candidates.race import select_density
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import block_interval
+
+Array = NDArray[np.float64]
 
 
 def does_not_last(prepared: Prepared, winner: Candidate | None, seed: int) -> bool:
@@ -37,10 +40,17 @@ def explains_more(prepared: Prepared, winner: Candidate, other: Prepared, second
     sample, less half the logarithm of the samples for each value, and the difference over all of them must tell them
     apart.
     """
-    found = [estimated_on_all(p, c).fit for p, c in ((prepared, winner), (other, second))]
-    rows = [len(f.per_sample) for f in found]
-    values = [len(f.free.theta) + len(f.free.noise) + len(f.free.gain) for f in found]
-    first, later = (
-        float(f.per_sample.mean()) - 0.5 * v * np.log(n) / n for f, v, n in zip(found, values, rows, strict=True)
-    )
+    found = [_nats(p, c) for p, c in ((prepared, winner), (other, second))]
+    rows = [len(nats) for nats in found]
+    values = [len(c.fit.free.theta) + len(c.fit.free.noise) + len(c.fit.free.gain) for c in (winner, second)]
+    first, later = (float(f.mean()) - 0.5 * v * np.log(n) / n for f, v, n in zip(found, values, rows, strict=True))
     return bool((later - first) * min(rows) > in_force().selection.told_apart_nats)
+
+
+def _nats(prepared: Prepared, candidate: Candidate) -> Array:
+    """Return the log-density of all samples but the sealed ones, fitted to them where its values allow that."""
+    found = estimated_on_all(prepared, candidate)
+    if found is not candidate:
+        return found.fit.per_sample
+    density: Array = select_density(prepared.only(())) + candidate.select_difference
+    return np.concatenate([candidate.fit.per_sample, density])
