@@ -103,6 +103,15 @@ def test_fit_data_lie_on_both_sides_of_the_selection_data_where_that_is_asked() 
     assert len(split.fit) == 2 * len(split.select) == 4
 
 
+def test_a_gauge_that_is_lost_for_all_of_one_part_leaves_another_division() -> None:
+    """It was refused, for the selection data had nothing."""
+    record = recording(1000, 1.0, 0)
+    record.values[500:705, 1] = np.nan
+    split = split_records([record], ["u"], ["y"], 1.0)
+    for part in (split.fit, split.select, split.sealed):
+        assert sum(int(np.isfinite(s.y).sum()) for s in part) >= 100
+
+
 @pytest.mark.parametrize(("softer_from", "found"), [(0.6, True), (1.0, False)])
 def test_a_spring_that_softens_behind_the_fit_data_is_found(softer_from: float, found: bool) -> None:
     """With the fit data in front it was `no_mismatch`: the first half has nothing of it."""

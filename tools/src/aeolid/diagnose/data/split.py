@@ -99,9 +99,13 @@ def _lacking(rows: Sequence[tuple[Record, int, int]], inputs: Sequence[str], out
 def _plans(
     records: Sequence[Record], inputs: Sequence[str], settle_s: float, around: bool
 ) -> Iterator[tuple[list[tuple[str, Record, int, int]], int]]:
-    """Yield how to divide, and the shortest stretch in rows: the usual way first, for short recordings others."""
+    """Yield how to divide, and the shortest stretch in rows: the usual way first, others where that leaves a use empty.
+
+    A gauge that was stuck for all of the selection data leaves enough on both sides of the middle.
+    """
     rules = in_force().data
     yield _plan(records, inputs, settle_s, around), rules.settled_samples
+    yield _plan(records, inputs, settle_s, not around), rules.settled_samples
     if len(records) > rules.whole_recordings:
         sealed = _sealed_of(records, inputs)
         others = [r for r in records if r is not sealed]
