@@ -165,7 +165,8 @@ def carry_prior(prior: Prior, source: Equations, target: Equations) -> Prior:
 
 def carry_fit(fit: Fit, source: Equations, target: Equations) -> Fit:
     """Return a fit of the baseline, no effect free, as that of another extended model: the numbers are the same."""
-    return replace(fit, point=carry_point(fit.point, source, target), free=carry_free(fit.free, source, target))
+    point, free = carry_point(fit.point, source, target), carry_free(fit.free, source, target)
+    return replace(fit, point=point, free=free, jumps=())
 
 
 def _rows(source: Equations, target: Equations) -> list[int]:

@@ -43,7 +43,7 @@ def survives_colour(prepared: Prepared, candidate: Candidate, candidates: Sequen
     band = max(bands, key=lambda c: c.score)
     both = prepared.only((*band.attachments, *candidate.attachments))
     point = carry_point(band.fit.point, band.predictor.compiled.model, both.extended)
-    base = replace(band.fit, point=point, free=both.free)
+    base = replace(band.fit, point=point, free=both.free, jumps=())
     found = refit(both, base, [*as_rows(band), *as_rows(candidate)], select_density(prepared))
     if found is None:
         return False

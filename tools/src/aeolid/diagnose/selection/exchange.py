@@ -82,7 +82,7 @@ def _with(prepared: Prepared, chosen: Candidate, gone: Attachment, single: Candi
     point = carry_point(chosen.fit.point, chosen.predictor.compiled.model, stage.extended)
     (new,) = as_rows(single)
     rows = [new if r.attachment.key == gone.key else r for r in as_rows(chosen)]
-    base = replace(chosen.fit, point=point, free=stage.free)
+    base = replace(chosen.fit, point=point, free=stage.free, jumps=())
     found = refit(stage, base, rows, select_density(prepared), ahead=chosen.fit_gain)
     if found is None:
         return None

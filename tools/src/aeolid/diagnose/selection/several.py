@@ -135,7 +135,7 @@ def _stands_beside_a_form(prepared: Prepared, winner: Candidate, larger: Candida
         return True
     stage = prepared.only((*form.attachments, larger.attachments[-1]))
     point = carry_point(form.fit.point, form.predictor.compiled.model, stage.extended)
-    start = replace(form.fit, point=point, free=stage.free)
+    start = replace(form.fit, point=point, free=stage.free, jumps=())
     both = refit(stage, start, [*as_rows(form), as_rows(larger)[-1]], select_density(prepared))
     return both is not None and both.plausible and adds(form, both)
 
@@ -172,7 +172,7 @@ def grown(
             break
         prepared.deadline.doing(f"{row.attachment.key} beside {winner.key}")
         both = prepared.only((*winner.attachments, row.attachment))
-        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
+        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free, jumps=())
         larger = refit(both, base, [*as_rows(winner), row], base_select, simulated=row in near)
         if larger is None:
             continue
@@ -199,7 +199,7 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
         stage = prepared.only(rest)
         point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
         rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
-        smaller = refit(stage, replace(full.fit, point=point, free=stage.free), rows, base_select)
+        smaller = refit(stage, replace(full.fit, point=point, free=stage.free, jumps=()), rows, base_select)
         if smaller is None or not smaller.plausible:
             continue
         lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
