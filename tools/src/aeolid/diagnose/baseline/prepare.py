@@ -138,7 +138,7 @@ def prepare(
     spreads = _spread(y, outputs, case)
     offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
     rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
-    if isinstance(case.baseline, Equations) and (held := values_to_hold(*rough)):
+    if isinstance(case.baseline, Equations) and (held := values_to_hold(*rough, case.baseline)):
         return prepare(replace(case, baseline=with_held(case.baseline, held)), most, deadline, sampling)
     sizes, rates, moves = _sizes(rough, scales)
     typical = sizes, rates, spreads, moves

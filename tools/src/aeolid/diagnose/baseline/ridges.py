@@ -20,8 +20,10 @@ _ASIDE = 0.1  # of a declared value, by which it is moved: a direction that is o
 _CHECK = "left open"
 
 
-def values_to_hold(predictor: Predictor, point: Point) -> tuple[str, ...]:
+def values_to_hold(predictor: Predictor, point: Point, given: Equations) -> tuple[str, ...]:
     """Return the free parameters to hold so that no combination of several is left open; most often none.
+
+    given: the model as declared, whose own free parameters may be held.
 
     A car whose mass, force and resistance are all free obeys any multiple of them. The fit ran along that line to the
     end of a range, the deviation of each was infinite, and a drag of 68 nats that goes with them counted as nothing.
@@ -29,7 +31,8 @@ def values_to_hold(predictor: Predictor, point: Point) -> tuple[str, ...]:
     values that move nothing at all are left alone. Cost: two sets of sensitivities for each value that is held.
     """
     model, held = predictor.compiled.model, []
-    open_ = [i for i, p in enumerate(model.parameters) if p.free]
+    own = {p.name for p in given.parameters if p.free}
+    open_ = [i for i, p in enumerate(model.parameters) if p.name in own]
     while len(open_) > 1:
         left = _in_a_ridge(predictor, point, open_)
         if not left:

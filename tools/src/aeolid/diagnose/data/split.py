@@ -211,7 +211,7 @@ def _segment(
 
 def _before(record: Record, inputs: Sequence[str], start: int) -> Array | None:
     """Return the inputs of the rows that end where a stretch starts, none missing; None where there are none."""
-    u = record.columns(inputs)[max(start - in_force().data.remembered_samples, 0) : start]
+    u = record.slice(max(start - in_force().data.remembered_samples, 0), start).columns(inputs)
     lost = np.flatnonzero(~np.all(np.isfinite(u), axis=1))
     u = u[lost[-1] + 1 :] if len(lost) else u
     return np.ascontiguousarray(u) if len(u) else None

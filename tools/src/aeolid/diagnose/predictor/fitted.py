@@ -20,7 +20,7 @@ class Fit:
     """Hold a fitted predictor: where it stands, its noise, its residuals r (M,) and sensitivities J (M, k).
 
     prior_residual (p,), prior_jacobian (p, k): the same for what was known before, as if it had been measured. jumps:
-    standard deviations of parameters on which the likelihood depends in jumps, by their index in this θ: slopes tell none.
+    standard deviations of parameters on which the likelihood depends in jumps, by their index in θ: slopes tell none.
     """
 
     point: Point
