@@ -271,7 +271,7 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     def fitted(entry: str, output: str, gain: float, at_end: bool = False, fit: float = 0.0, **is_: bool) -> Any:
         a, usual = (
             attachment(entry, output),
-            {"plausible": True, "accepted": True, "is_plainer": False, "undriven": False},
+            {"plausible": True, "accepted": True, "is_plainer": False, "undriven": False, "unlisted": False},
         )
         return SimpleNamespace(
             attachments=(a,), key=a.key, fit_gain=fit or gain, score=gain, at_end=at_end, **(usual | is_)
@@ -314,6 +314,8 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     elsewhere = [r.attachment.key for r in kin(bank, refused)]  # the same effect, half as loud as the threshold
     assert elsewhere == ["sensor_lag moment", "sensor_lag speed"]
     assert kin(bank, [*refused, fitted("sensor_bias", "yaw", 10.0)]) == []
+    form = fitted("unlisted", "speed", 148.0, unlisted=True)  # what has a name and speaks where it acts may be meant
+    assert [r.attachment.key for r in kin(bank, [form])] == ["sensor_second_order speed"]
 
 
 def test_an_effect_whose_own_value_is_none_is_a_plainer_one() -> None:
