@@ -27,9 +27,10 @@ from aeolid.diagnose.hypotheses.parts.base import Slot
 from aeolid.diagnose.predictor.explore import quieted
 from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection import first_effect, several
-from aeolid.diagnose.selection.first_effect import against, kin
+from aeolid.diagnose.selection.better_baseline import against, taken_up
+from aeolid.diagnose.selection.first_effect import kin
 from aeolid.diagnose.selection.rivals import leading
-from aeolid.diagnose.selection.several import adds, is_another, without_the_needless
+from aeolid.diagnose.selection.several import adds, better_fitted, is_another, without_the_needless
 
 
 def lagging(folder: Path) -> tuple[Prepared, Bank]:
@@ -134,6 +135,43 @@ def test_an_effect_that_a_later_one_makes_needless_is_left_out(tmp_path: Path) -
     assert left.fit_gain == pytest.approx(fit_rows(prepared, bank.rows)[0].fit_gain, abs=1.0)
     needed = replace(full, attachments=full.attachments[::-1])  # now the lag is asked for first
     assert "actuator_lag" in [a.entry for a in without_the_needless(prepared, needed).attachments]
+
+
+def test_what_led_one_reading_of_the_inputs_starts_from_there_with_another(tmp_path: Path) -> None:
+    """It counts against the other reading's own baseline, and its values are counted as before."""
+    prepared, bank = lagging(tmp_path)
+    found = fit_rows(prepared, bank.rows)[0]
+    theta = prepared.fit.point.theta.copy()
+    theta[prepared.free.theta[0]] *= 0.9
+    other = replace(prepared, fit=prepared.predictor.at(replace(prepared.fit.point, theta=theta), prepared.free))
+    again = taken_up(other, found)
+    assert again is not None and again.key == found.key and again.parameters == found.parameters
+    assert again.fit.log_posterior == pytest.approx(found.fit.log_posterior, abs=0.5)
+    assert again.fit_gain == pytest.approx(again.fit.log_posterior - other.fit.log_posterior)
+    assert again.select_gain == pytest.approx(again.select_difference.sum())
+
+
+def test_a_fit_that_stopped_short_is_taken_up_from_where_a_larger_set_led_it(tmp_path: Path) -> None:
+    """Friction that is not there, fitted beside a lag that was left at half its value, gained what the lag had lost."""
+    prepared, bank = lagging(tmp_path)
+    found = fit_rows(prepared, bank.rows)[0]
+    model = found.predictor.compiled.model
+    theta = found.fit.point.theta.copy()
+    theta[model.index("lag_tau_1")] *= 0.5
+    short = replace(found, fit=found.predictor.at(replace(found.fit.point, theta=theta), found.fit.free))
+    wanted = [a for a in prepared.hypotheses if a.entry == "coulomb_friction"][:1]
+    rows = [*bank.rows, *score_bank(prepared, wanted, 1).rows]
+    both = prepared.only([r.attachment for r in rows])
+    larger = refit(both, both.fit, rows, select_density(prepared))
+    assert larger is not None and larger.fit.log_posterior > short.fit.log_posterior + 50
+    better = better_fitted(prepared, short, larger)
+    assert better is not None and better.key == short.key
+    assert better.fit.log_posterior == pytest.approx(found.fit.log_posterior, abs=0.5)
+    assert better.fit_gain == pytest.approx(found.fit_gain, abs=0.5) and better.parameters == found.parameters
+    assert not adds(better, larger)
+    assert better_fitted(prepared, found, larger) is None
+    on_run: Any = SimpleNamespace(surrogate=object())
+    assert better_fitted(on_run, short, larger) is None
 
 
 def test_with_what_is_needless_the_sets_that_have_it_go(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,14 +12,16 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import prepare
 from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.candidates.reestimate import baseline_of_all
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.split import Split, segments_of, split_records
 from aeolid.diagnose.predictor.point import Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
+from aeolid.diagnose.selection import first_effect
 from aeolid.diagnose.selection.first_effect import First, find_first
-from aeolid.diagnose.selection.lasting import does_not_last, explains_more
+from aeolid.diagnose.selection.lasting import does_not_last, explains_more, foretold_worse
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations, InputFilter, Parameter
 from aeolid.models.integrate import compile_equations, simulate
@@ -138,6 +140,31 @@ def test_what_lasts_and_what_explains_more_is_told_of_an_effect_as_well() -> Non
     assert not does_not_last(later.prepared, later.winner, 1)
     assert explains_more(early, other, later.prepared, later.winner)
     assert not explains_more(later.prepared, later.winner, early, other)
+
+
+@pytest.mark.parametrize(("softer_from", "least", "most"), [(1.0, 0.0, 0.0), (0.25, 0.0, 0.0), (0.55, 1.0, 10.0)])
+def test_how_much_worse_all_other_data_are_foretold(softer_from: float, least: float, most: float) -> None:
+    """Where the spring softens behind the fit data; not where it stays, nor where the fit data have half of each."""
+    record = recording(1600, softer_from, 3)
+    case = Case("spring", (record,), "equations", spring(), "spring.toml", "", {}, Path(), False)
+    early = prepare(case)
+    assert least <= foretold_worse(early, baseline_of_all(early), 1) <= most
+
+
+def test_what_only_badly_foretold_selection_data_show_is_no_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A load that was hung on behind the fit data was a sensor's range; a gain on the fit data is kept."""
+    record = recording(1600, 0.6, 3)
+    early = prepare(Case("spring", (record,), "equations", spring(), "spring.toml", "", {}, Path(), False))
+    bank = score_bank(early, early.hypotheses, 1)
+    (lag,) = fit_rows(early, [r for r in bank.rows if r.attachment.entry == "actuator_lag"])
+    assert does_not_last(early, lag, 1)
+    for gain, kept in ((0.0, False), (lag.handicap + 50.0, True)):
+        winner = replace(lag, plausible=True, fit_gain=gain)
+        looks = iter([First(early, bank, [winner], winner), First(early, bank, [], None)])
+        monkeypatch.setattr(first_effect, "_find", lambda *_, looks=looks: next(looks))
+        found = first_of(record)
+        assert (found.winner is not None) is kept and found.candidates[0].plausible is kept
+        assert kept or "explains nothing of the fit data" in found.candidates[0].reason
 
 
 def test_a_drive_that_holds_remembers_what_came_before_a_stretch() -> None:

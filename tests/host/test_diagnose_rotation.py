@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from aeolid.diagnose.conclusion.correction import correct
 from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.validation import in_turn
 from aeolid.diagnose.validation.rotation import Fold, Rotation, folds_of, is_silent
 from aeolid.models import equations_file
 from aeolid.record import Channel, Record
@@ -73,6 +76,28 @@ def test_folds_prove_what_most_of_them_chose(agrees: bool, low: float, gain: flo
     """With agreement, beyond chance, and by more than 0.002 nats a sample."""
     fold = Fold("a", None, np.full(200, gain / 200), (low, 2 * gain))
     assert Rotation((fold,), (low, 2 * gain), agrees).proves is proves
+
+
+@pytest.mark.parametrize(
+    ("forms", "low", "borne_out", "replaced"),
+    [(5, 30.0, 9.0, True), (4, 30.0, 9.0, True), (2, 30.0, 9.0, False), (5, 1.0, 9.0, False), (5, 30.0, 1.0, False)],
+)
+def test_a_form_that_most_folds_choose_takes_the_place_of_a_name(
+    forms: int, low: float, borne_out: float, replaced: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the folds speak and the sealed part bears it out; a diode had been a saturation and a stop."""
+    named, form = (SimpleNamespace(key=k, unlisted=k == "form", score=1.0) for k in ("saturation", "form"))
+    choices = [form] * forms + [named] * (5 - forms)
+    folds = tuple(Fold("a", c, np.full(40, 1.0), (low, 60.0)) for c in choices)
+    before = SimpleNamespace(single=named)
+    instead = SimpleNamespace(single=form, proof=SimpleNamespace(interval=(borne_out, 60.0)))
+    monkeypatch.setattr(in_turn, "hold_against", lambda *_: instead)
+    found: Any = in_turn.form_in_turn
+    turned = Rotation(folds, (low, 300.0), False)
+    assert found(None, None, before, turned, 1) is (instead if replaced else before)
+    assert found(None, None, before, None, 1) is before
+    assert found(None, None, SimpleNamespace(single=form), turned, 1).single is form
+    assert found(None, None, SimpleNamespace(single=None), turned, 1).single is None
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def moved_by(deviations: float, share: float = 0.3) -> Any:
 def decided(
     low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0,
     rotation: object = None, worse: bool = False, constant: bool = False, alone: float | None = None,
-    high: float = 18.0,
+    high: float = 18.0, foretold_worse: float = 0.0,
 ) -> tuple[str, list[str], str]:  # fmt: skip
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
@@ -58,7 +58,7 @@ def decided(
             declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1,
             sampling=SimpleNamespace(late_s=0.0, is_plain=False), site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
-        case=SimpleNamespace(records=()),
+        case=SimpleNamespace(records=()), foretold_worse=foretold_worse,
     )  # fmt: skip
     said, effects, shown = verdict._decide(study)
     return said, [e["id"] for e in effects], sentence(said, effects, study, shown)
@@ -70,6 +70,15 @@ def decided(
 def test_a_name_takes_two_nats_at_the_worst(low: float, said: str) -> None:
     """A switched gain had a name on a recording that lacks nothing, proven by 7 nats [0.7, 14]."""
     assert decided(low)[:2] == (said, ["quadratic_damping"] if said == "named" else [])
+
+
+@pytest.mark.parametrize(("worse", "said"), [(0.5, "no_mismatch"), (6.4, "unnamed")])
+def test_a_structure_that_foretells_no_other_part_is_not_right(worse: float, said: str) -> None:
+    """A hoist that took up a load behind the fit data was "the structure is right"; a proven effect has its name."""
+    verdict_, names, told = decided(-3.0, foretold_worse=worse)
+    assert (verdict_, names) == (said, [])
+    assert ("foretells each of the others worse by at least 6.4 nats a sample" in told) is (said == "unnamed")
+    assert decided(2.1, foretold_worse=worse)[0] == "named"
 
 
 def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,6 +171,7 @@ def test_wrong_values_are_not_all_where_a_form_leads(
         candidates=(),
         rotation=None,
         shows_elsewhere=False,
+        foretold_worse=0.0,
         prepared=SimpleNamespace(linear=1),
     )
     monkeypatch.setattr(verdict, "is_material", lambda *anything: True)

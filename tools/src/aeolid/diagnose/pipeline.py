@@ -37,11 +37,13 @@ from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.beside_constants import settled_beside_constants
 from aeolid.diagnose.selection.exchange import Alternative, exchanged
 from aeolid.diagnose.selection.first_effect import find_first, first_effect
+from aeolid.diagnose.selection.lasting import foretold_worse
 from aeolid.diagnose.selection.rivals import outdone_by
 from aeolid.diagnose.selection.several import further_effects, what_is_left
 from aeolid.diagnose.validation.beyond import form_beyond
+from aeolid.diagnose.validation.in_turn import decided_in_turn
 from aeolid.diagnose.validation.proof import Proof, imitate, is_material, prove, seen_before
-from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent, rotate
+from aeolid.diagnose.validation.rotation import Rotation, is_silent, rotate
 from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against, hold_leader
 from aeolid.diagnose.validation.told_deviations import with_told_deviations
 from aeolid.diagnose.validation.unsure_constants import declared_beside_constants
@@ -89,6 +91,7 @@ class Study:
     rotation: Rotation | None = None  # each part of all data held out once
     completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
     shows_elsewhere: bool = False  # what sealed data prove, and hardly show, is visible in the data of the fit
+    foretold_worse: float = 0.0  # nats a sample that the bare model loses, at least, on all data but those of the fit
     constants: Alone | None = None  # a linear model's constant that alone explains much of what is named
     timing_s: dict[str, float] = field(default_factory=dict)
     deadline: Deadline = field(default_factory=unlimited)
@@ -132,7 +135,7 @@ def study(
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
     turned = None if held.single is None else rotate(prepared, bank, candidates, held.single, seed)
-    held = _with_more(prepared, unsealed, held, chain, turned, seed)
+    held = decided_in_turn(prepared, unsealed, held, chain, turned, seed)
     done()
     done = step("evidence", 0.68)
     bands, cells, equations = _evidence(prepared, case, seed)
@@ -146,6 +149,7 @@ def study(
         case, seed, findings, prepared, unsealed, bank, listed, held.single, held.several, others, held.proof,
         declared, declared_beside_constants(unsealed), top, bands, cells, equations, after_bank, runs, turned,
         held.completed, _shows_elsewhere(prepared, unsealed, held, turned, seed),
+        foretold_worse(prepared, unsealed, seed),
         _constants_alone(prepared, unsealed, held, candidates, seed), timing, deadline,
     )  # fmt: skip
 
@@ -227,22 +231,6 @@ def _constants_alone(
     best = estimated_on_all(prepared, max(slight, key=lambda c: c.score))
     before, after = (unsealed.predictor, unsealed.fit), (best.predictor, best.fit)
     return Alone(best, prove(before, after, prepared.split.sealed, prepared.settle_s, seed))
-
-
-def _with_more(
-    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
-) -> Held:
-    """Return what is held with the largest set, where the folds decide and bear that out, too."""
-    if turned is None or not turned.proves or held.proof is None or not is_silent(held.proof.interval):
-        return held
-    if len(chain) < 2 or held.several is not None or held.sets[0].key != chain[0].key:  # a rival took its place
-        return held
-    if not adds_in_turn(prepared, chain[0], chain[-1], seed):
-        return held
-    larger = estimated_on_all(prepared, chain[-1])
-    before = unsealed.predictor, unsealed.fit
-    proof = prove(before, (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed)
-    return Held((held.sets[0], larger), 1, None, proof) if proof.interval[1] > 0 else held
 
 
 def _accused(

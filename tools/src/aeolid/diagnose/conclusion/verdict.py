@@ -21,7 +21,7 @@ from aeolid.diagnose.conclusion.declared import (
 )
 from aeolid.diagnose.conclusion.excluded import not_excluded
 from aeolid.diagnose.conclusion.sealed import recovered_fraction, sealed_part
-from aeolid.diagnose.conclusion.sentence import is_contradicted, sentence, speaks_in_turn, untested
+from aeolid.diagnose.conclusion.sentence import is_contradicted, is_outlived, sentence, speaks_in_turn, untested
 from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.experiments.closer import describe_closer, look_closer
@@ -128,14 +128,7 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
         ):
             return _on_values(study) or ("immaterial", [], None)
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
-    top = study.ceiling
-    if (
-        top.select.sum() > rules.ceiling_nats
-        and block_interval(top.select, study.seed)[0] > 0
-        and top.sealed.sum() > rules.ceiling_nats
-        and block_interval(top.sealed, study.seed)[0] > 0
-        and top.sealed.mean() > rules.ceiling_rate * len(study.prepared.extended.outputs)
-    ):
+    if _can_be_foretold(study) or is_outlived(study):
         return "unnamed", [], None
     if (found := _on_values(study)) is not None:
         return found
@@ -146,6 +139,16 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     if untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
+
+
+def _can_be_foretold(study: Study) -> bool:
+    """Tell whether a model-free correction gains on selection and sealed data, surely and by what is worth a word."""
+    top, rules = study.ceiling, in_force().conclusion
+    if min(top.select.sum(), top.sealed.sum()) <= rules.ceiling_nats:
+        return False
+    if min(block_interval(part, study.seed)[0] for part in (top.select, top.sealed)) <= 0:
+        return False
+    return bool(top.sealed.mean() > rules.ceiling_rate * len(study.prepared.extended.outputs))
 
 
 def _in_turn(study: Study) -> tuple[str, list[dict[str, Any]]]:

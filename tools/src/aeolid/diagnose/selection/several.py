@@ -22,6 +22,7 @@ from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection.rivals import leading
 
 _TRIED = 3  # effects that are fitted beside those found
+_AGAIN = 2  # times a set is taken up from where a larger one led it to a better fit
 KIN = f"{unlisted.ID} kin"  # how the key begins of what is kin to an effect and stands beside it without a name
 
 
@@ -36,12 +37,36 @@ def further_effects(
     most, chain = in_force().selection.most_effects, [winner]
     while True:
         larger, bank = one_more(prepared, chain[-1], rivals, seed)
+        for _ in range(_AGAIN):
+            better = None if larger is None else better_fitted(prepared, chain[-1], larger)
+            if larger is None or better is None:
+                break
+            chain[-1] = better
+            if adds(better, larger):
+                break
+            larger, bank = one_more(prepared, better, rivals, seed)
         if larger is not None:
             chain.append(larger)
         named = [] if larger is None else [a for a in larger.attachments if a.entry != "parameter_error"]
         full = larger is None or len(named) >= most or len(larger.attachments) >= 2 * most
         if full or prepared.deadline.skips("a further effect"):
             return _needed(prepared, chain), bank
+
+
+def better_fitted(prepared: Prepared, smaller: Candidate, larger: Candidate) -> Candidate | None:
+    """Return the smaller set fitted from where a larger one ended, where that is the better fit; None where it is not.
+
+    A fit that stopped short makes an effect of whatever leads it on: beside a yaw brake's friction a stiffness that
+    drifts, by a fifth of its own deviation, gained 74 nats, all of them the friction's. Not on a simulator's run,
+    where each fit takes half a minute.
+    """
+    if prepared.surrogate is not None or prepared.deadline.skips(f"{smaller.key} once more"):
+        return None
+    again = _fitted_without(prepared, larger, larger.attachments[-1])
+    tied = in_force().evidence.tied_nats
+    if again is None or not again.plausible or again.fit.log_posterior < smaller.fit.log_posterior + tied:
+        return None
+    return replace(again.beyond(larger), survived=smaller.survived)
 
 
 def _needed(prepared: Prepared, chain: list[Candidate]) -> list[Candidate]:
@@ -193,19 +218,23 @@ def is_slight_beside(larger: Candidate) -> bool:
 def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
     """Leave out effects, the last one excepted, that the later ones made needless (backward elimination)."""
     evidence = in_force().evidence
-    base_select = select_density(prepared)
     for left_out in full.attachments[:-1]:
-        rest = tuple(a for a in full.attachments if a is not left_out)
-        stage = prepared.only(rest)
-        point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
-        rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
-        smaller = refit(stage, replace(full.fit, point=point, free=stage.free, jumps=()), rows, base_select)
+        smaller = _fitted_without(prepared, full, left_out)
         if smaller is None or not smaller.plausible:
             continue
         lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
         if max(lost) < evidence.validation_nats:
             return smaller.beyond(full)
     return full
+
+
+def _fitted_without(prepared: Prepared, full: Candidate, left_out: Attachment) -> Candidate | None:
+    """Fit a set without one of its effects, from where it ended; gains count from the set's own fit."""
+    stage = prepared.only(tuple(a for a in full.attachments if a is not left_out))
+    point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
+    rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
+    start = replace(full.fit, point=point, free=stage.free, jumps=())
+    return refit(stage, start, rows, select_density(prepared))
 
 
 def adds(fewer: Candidate, more: Candidate) -> bool:

@@ -1,0 +1,55 @@
+"""Let the parts that were held out in turn decide between what the sealed part leaves open (S6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from aeolid.diagnose.baseline.prepare import Prepared
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.reestimate import estimated_on_all
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.validation.proof import prove
+from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent
+from aeolid.diagnose.validation.sealed import Held, hold_against
+
+
+def decided_in_turn(
+    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
+) -> Held:
+    """Return what is held: the form that most folds choose, or the largest set where they decide and bear it out."""
+    form = form_in_turn(prepared, unsealed, held, turned, seed)
+    return _with_more_in_turn(prepared, unsealed, held, chain, turned, seed) if form is held else form
+
+
+def form_in_turn(prepared: Prepared, unsealed: Prepared, held: Held, turned: Rotation | None, seed: int) -> Held:
+    """Return what is held; the form outside the catalogue that most folds choose takes the place of what has a name.
+
+    Which of the two is ahead on one division of the data is chance then, and the name is not sure. A diode between two
+    filters was a drive that saturates and a stop beside it, where four of five folds chose a bent input. Cost: one
+    proof, where it is so.
+    """
+    if turned is None or held.single is None or held.single.unlisted or not turned.speaks:
+        return held
+    chosen = [f.choice for f in turned.folds if f.choice is not None and f.choice.unlisted]
+    if len(chosen) < in_force().validation.agreeing_share * len(turned.folds):
+        return held
+    form = max(chosen, key=lambda c: c.score)
+    instead = hold_against(prepared, unsealed, [form], seed)
+    borne_out = instead.proof is not None and instead.proof.interval[0] > in_force().evidence.proven_nats
+    return instead if borne_out else held
+
+
+def _with_more_in_turn(
+    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
+) -> Held:
+    """Return what is held with the largest set, where the folds decide and bear that out, too."""
+    if turned is None or not turned.proves or held.proof is None or not is_silent(held.proof.interval):
+        return held
+    if len(chain) < 2 or held.several is not None or held.sets[0].key != chain[0].key:  # a rival took its place
+        return held
+    if not adds_in_turn(prepared, chain[0], chain[-1], seed):
+        return held
+    larger = estimated_on_all(prepared, chain[-1])
+    before = unsealed.predictor, unsealed.fit
+    proof = prove(before, (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed)
+    return Held((held.sets[0], larger), 1, None, proof) if proof.interval[1] > 0 else held
