@@ -21,7 +21,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.diagnose.selection import first_effect
 from aeolid.diagnose.selection.first_effect import First, find_first
-from aeolid.diagnose.selection.lasting import does_not_last, explains_more, foretold_worse
+from aeolid.diagnose.selection.lasting import does_not_last, explains_more, worsening
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations, InputFilter, Parameter
 from aeolid.models.integrate import compile_equations, simulate
@@ -148,7 +148,7 @@ def test_how_much_worse_all_other_data_are_foretold(softer_from: float, least: f
     record = recording(1600, softer_from, 3)
     case = Case("spring", (record,), "equations", spring(), "spring.toml", "", {}, Path(), False)
     early = prepare(case)
-    assert least <= foretold_worse(early, baseline_of_all(early), 1) <= most
+    assert least <= worsening(early, baseline_of_all(early), 1) <= most
 
 
 def test_what_only_badly_foretold_selection_data_show_is_no_effect(monkeypatch: pytest.MonkeyPatch) -> None:

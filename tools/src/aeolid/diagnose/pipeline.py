@@ -37,7 +37,7 @@ from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.beside_constants import settled_beside_constants
 from aeolid.diagnose.selection.exchange import Alternative, exchanged
 from aeolid.diagnose.selection.first_effect import find_first, first_effect
-from aeolid.diagnose.selection.lasting import foretold_worse
+from aeolid.diagnose.selection.lasting import worsening
 from aeolid.diagnose.selection.rivals import outdone_by
 from aeolid.diagnose.selection.several import further_effects, what_is_left
 from aeolid.diagnose.validation.beyond import form_beyond
@@ -148,8 +148,7 @@ def study(
     return Study(
         case, seed, findings, prepared, unsealed, bank, listed, held.single, held.several, others, held.proof,
         declared, declared_beside_constants(unsealed), top, bands, cells, equations, after_bank, runs, turned,
-        held.completed, _shows_elsewhere(prepared, unsealed, held, turned, seed),
-        foretold_worse(prepared, unsealed, seed),
+        held.completed, _shows_elsewhere(prepared, unsealed, held, turned, seed), worsening(prepared, unsealed, seed),
         _constants_alone(prepared, unsealed, held, candidates, seed), timing, deadline,
     )  # fmt: skip
 

@@ -32,7 +32,7 @@ def does_not_last(prepared: Prepared, winner: Candidate | None, seed: int) -> bo
     return _least_lost(own.per_sample, density, seed) > in_force().selection.lasting_rate
 
 
-def foretold_worse(prepared: Prepared, unsealed: Prepared, seed: int) -> float:
+def worsening(prepared: Prepared, unsealed: Prepared, seed: int) -> float:
     """Return by how many nats a sample, at least, both other parts are foretold worse than the fit data, bare.
 
     0 where what selection data add to the fit mends that of the sealed data: the fit data said too little of the values
