@@ -258,6 +258,7 @@ def test_what_errors_tell_of_a_command_is_feedback_where_no_reading_takes_it_awa
     case = load_case(write_case(tmp_path, GEARS, 0.01, channels, rows_of(np.random.default_rng(5))))
     prepared = prepare(case)
     now, choice = settle_sampling.stage_of(prepared, None), choice_of(case, prepared)
+    assert now is not None
     told = feedback_of(now.predictor, now.point, choice.kinds)
     best = now.tried(Sampling((("command", "band_limited"),), -0.003, 0.0, True))
     assert told > 20  # nats: far beyond chance
@@ -321,6 +322,15 @@ def test_beside_what_ran_to_its_end_it_is_asked_whatever_the_slope(
     assert settle(case, prepared, cast(Candidate, fitted[False])) is None
     found = settle(case, prepared, cast(Candidate, fitted[True]))
     assert found is not None and found.late_s == pytest.approx(alone.late_s, abs=0.02 * STEP)
+
+
+def test_a_candidate_that_predicts_nothing_where_it_ended_chooses_no_reading(tmp_path: Path) -> None:
+    """A lag that ran to none left a gain that is unstable without it, and the search ended in an assertion."""
+    prepared, _ = stage(tmp_path, rows("held", 0.0))
+    lost = replace(prepared.fit, point=replace(prepared.fit.point, theta=-1e4 * prepared.fit.point.theta))
+    ended = SimpleNamespace(predictor=prepared.predictor, fit=lost, attachments=prepared.attachments, at_end=True)
+    assert prepared.predictor.objective(lost.point) >= 1e300
+    assert settle(load_case(tmp_path), prepared, cast(Candidate, ended)) is None
 
 
 def test_readings_are_asked_beside_what_leads_and_what_nearly_leads_at_its_end() -> None:

@@ -13,6 +13,7 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.sampling_choice import MIDDLE, TINY
 from aeolid.diagnose.data.intersample import ROOM, SLOWEST, Sampling, filters_of, with_sampling
+from aeolid.diagnose.predictor.evaluation import HUGE
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -75,8 +76,11 @@ def read_by(predictor: Predictor, sampling: Sampling) -> Predictor:
     return Predictor(compiled, predictor.segments, predictor.scales, predictor.var_order, predictor.deadline)
 
 
-def stage_of(prepared: Prepared, winner: Candidate | None) -> Stage:
-    """Return what trials start from: the baseline's fit, or that of a candidate."""
+def stage_of(prepared: Prepared, winner: Candidate | None) -> Stage | None:
+    """Return what trials start from: the baseline's fit, or that of a candidate; None where it predicts nothing there.
+
+    A value that ran to none may leave a gain that is unstable without it (a sensor's lag of 0 s).
+    """
     source, fit = (prepared.predictor, prepared.fit) if winner is None else (winner.predictor, winner.fit)
     effects = prepared.attachments if winner is None else winner.attachments
     step, now = source.segments[0].fine_step, prepared.sampling
@@ -89,9 +93,11 @@ def stage_of(prepared: Prepared, winner: Candidate | None) -> Stage:
     place, delay, point = model.index(OFFSET), model.index(FILTER), carry_point(fit.point, old, model)
     free = carry_free(fit.free, old, model)
     free = replace(free, theta=tuple(i for i in free.theta if i not in (place, delay)))
-    at = predictor.at(point, free)
-    promised = _promised(predictor, at, place)
-    return Stage(predictor, point, free, place, delay, predictor.objective(point), promised, now)
+    value = predictor.objective(point)
+    if value >= HUGE:
+        return None
+    promised = _promised(predictor, predictor.at(point, free), place)
+    return Stage(predictor, point, free, place, delay, value, promised, now)
 
 
 def _promised(predictor: Predictor, at: Fit, place: int) -> tuple[float, float]:

@@ -48,6 +48,8 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     if prepared.surrogate is not None or not prepared.sampling.holds:
         return None
     stage, choice = stage_of(prepared, winner), choice_of(case, prepared)
+    if stage is None:
+        return None
     ended = winner is not None and winner.at_end  # where a value is held by its range, a slope tells nothing
     asked = ended or max(stage.promised) >= in_force().evidence.two_deviations_nats or _moves(stage, choice)
     best = _likelier(stage, choice) if asked else None
