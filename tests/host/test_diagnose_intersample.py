@@ -327,7 +327,8 @@ def test_beside_what_ran_to_its_end_it_is_asked_whatever_the_slope(
 def test_a_candidate_that_predicts_nothing_where_it_ended_chooses_no_reading(tmp_path: Path) -> None:
     """A lag that ran to none left a gain that is unstable without it, and the search ended in an assertion."""
     prepared, _ = stage(tmp_path, rows("held", 0.0))
-    lost = replace(prepared.fit, point=replace(prepared.fit.point, theta=-1e4 * prepared.fit.point.theta))
+    theta = prepared.fit.point.theta * np.array([1.0, -1e6, 1.0, 1.0])  # a spring that pushes away
+    lost = replace(prepared.fit, point=replace(prepared.fit.point, theta=theta))
     ended = SimpleNamespace(predictor=prepared.predictor, fit=lost, attachments=prepared.attachments, at_end=True)
     assert prepared.predictor.objective(lost.point) >= 1e300
     assert settle(load_case(tmp_path), prepared, cast(Candidate, ended)) is None
