@@ -223,20 +223,23 @@ def spoilt(case: Path, folder: Path, *, holes: bool, stuck: bool) -> Path:
     return copy
 
 
-def check_spoilt(case: Path, folder: Path, *, holes: bool, stuck: bool) -> None:
+def check_spoilt(case: Path, folder: Path, shown: Callable[[], str], *, holes: bool, stuck: bool) -> None:
     copy = spoilt(case, folder, holes=holes, stuck=stuck)
     assert diagnose(copy, folder / "out", "--fail-on-mismatch", "--no-report") == 1
     d = facts(folder / "out")
     check_schema(d)
     assert d["verdict"] == "named" and [e["id"] for e in d["effects"]] == ["actuator_lag"]
-    notes = d["data_notes"]
+    notes, said = d["data_notes"], shown()
+    assert all(f"data: {note['channel']}: {note['finding']}" in said for note in notes)
     assert stuck == any("speed" in note["channel"] and "600" in note["finding"] for note in notes), notes
 
 
 @pytest.mark.parametrize("holes", [pytest.param(True, marks=pytest.mark.nightly), False])
-def test_missing_samples_or_a_stuck_sensor_are_survived(case: Path, tmp_path: Path, holes: bool) -> None:
+def test_missing_samples_or_a_stuck_sensor_are_survived(
+    case: Path, tmp_path: Path, holes: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     """What a stuck sensor did not measure is left out and said; the name stays."""
-    check_spoilt(case, tmp_path, holes=holes, stuck=not holes)
+    check_spoilt(case, tmp_path, lambda: capsys.readouterr().out, holes=holes, stuck=not holes)
 
 
 def read_rows(case: Path) -> list[list[str]]:

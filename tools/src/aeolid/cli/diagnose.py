@@ -232,6 +232,8 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(in_words(spoken(said)))}", soft_wrap=True)
     for text in alternatives if len(alternatives) > 1 else []:
         console.print(f"  - {in_words(spoken(text))}", soft_wrap=True, markup=False)
+    for note in diagnosis.get("data_notes", ()):
+        console.print(f"  data: {note['channel']}: {note['finding']}", soft_wrap=True, markup=False)
     for effect in diagnosis["effects"]:
         _print_values(effect)
     sealed = diagnosis["sealed"]
