@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline.frame import carry_point
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
+from aeolid.diagnose.candidates.lines import at_a_line
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.candidates.seen_values import (
@@ -301,6 +302,7 @@ def judge(
     fit = with_jump_deviations(predictor, without_the_mute(attachments, fit, model), attachments)
     values = {a.key: values_of(a, fit, model) for a in attachments}
     reason, alone = objection(attachments, fit, model, ahead + gain, parameters), undriven(attachments, fit, model)
+    reason = reason or at_a_line(values, predictor.segments)
     own = {s.name for a in attachments for s in a.slots}
     moved = tuple(m for m in moved_in(prepared.declared, model, fit) if m.parameter.name not in own)
     return Candidate(

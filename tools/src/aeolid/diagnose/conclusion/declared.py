@@ -108,7 +108,7 @@ def also_speaking(study: Study) -> list[Candidate]:
     found = [
         c for c in study.candidates
         if c.plausible and not c.unlisted and c.key in heard and min(c.fit_gain, c.score) > 0
-        and c.attachments[0].entry != "parameter_error"
+        and c.attachments[0].entry != "parameter_error" and not is_within_reading(study.prepared, c)
         and (explains_away(c, usual) or (leader is not None and c.key == leader.key))
     ]  # fmt: skip
     return sorted(found, key=lambda c: -c.score)

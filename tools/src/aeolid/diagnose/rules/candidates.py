@@ -78,6 +78,11 @@ class CandidatesRules:
     offset_moved_samples: float = rule(
         0.1, "samples", "distance by which an offset beside an effect is another than that of the baseline alone"
     )
+    line_share: float = rule(
+        0.5,
+        "share",
+        "part of an input's power in one line, above which a mode there is not told from a bend of that input's answer",
+    )
     feedback_left_share: float = rule(
         0.25,
         "share",

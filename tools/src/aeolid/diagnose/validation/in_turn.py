@@ -14,23 +14,30 @@ from aeolid.diagnose.validation.sealed import Held, hold_against
 
 
 def decided_in_turn(
-    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
-) -> Held:
+    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], candidates: Sequence[Candidate],
+    turned: Rotation | None, seed: int,
+) -> Held:  # fmt: skip
     """Return what is held: the form that most folds choose, or the largest set where they decide and bear it out."""
-    form = form_in_turn(prepared, unsealed, held, turned, seed)
+    form = form_in_turn(prepared, unsealed, held, candidates, turned, seed)
     return _with_more_in_turn(prepared, unsealed, held, chain, turned, seed) if form is held else form
 
 
-def form_in_turn(prepared: Prepared, unsealed: Prepared, held: Held, turned: Rotation | None, seed: int) -> Held:
+def form_in_turn(
+    prepared: Prepared, unsealed: Prepared, held: Held, candidates: Sequence[Candidate], turned: Rotation | None,
+    seed: int,
+) -> Held:  # fmt: skip
     """Return what is held; the form outside the catalogue that most folds choose takes the place of what has a name.
 
     Which of the two is ahead on one division of the data is chance then, and the name is not sure. A diode between two
-    filters was a drive that saturates and a stop beside it, where four of five folds chose a bent input. Cost: one
-    proof, where it is so.
+    filters was a drive that saturates and a stop beside it, where four of five folds chose a bent input. A form that
+    is as good as what has the name on all data is that by another name. Cost: one proof, where it is so.
     """
     if turned is None or held.single is None or held.single.unlisted or not turned.speaks:
         return held
-    chosen = [f.choice for f in turned.folds if f.choice is not None and f.choice.unlisted]
+    named = next((c for c in candidates if c.key == held.single.key), held.single)
+    tied = in_force().selection.told_apart_nats
+    forms = [f.choice for f in turned.folds if f.choice is not None and f.choice.unlisted]
+    chosen = [c for c in forms if abs(c.score - named.score) > tied]
     if len(chosen) < in_force().validation.agreeing_share * len(turned.folds):
         return held
     form = max(chosen, key=lambda c: c.score)

@@ -128,12 +128,19 @@ def _air(site: Site) -> set[str]:
 
 
 def _terms(tree: ast.expr, sign: int) -> list[tuple[int, ast.expr]]:
-    """Split a sum into its signed terms."""
+    """Split a sum into its signed terms; a sum that is divided, or has a factor of numbers alone, by its own terms.
+
+    An inertia in other units, (torques)/(1000*J), or a force that nobody measured beside the quotient, hid them all.
+    """
     if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Add | ast.Sub):
         right = sign if isinstance(tree.op, ast.Add) else -sign
         return _terms(tree.left, sign) + _terms(tree.right, right)
     if isinstance(tree, ast.UnaryOp):
         return _terms(tree.operand, -sign if isinstance(tree.op, ast.USub) else sign)
+    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Div):
+        return [(s, ex.combine("/", part, tree.right)) for s, part in _terms(tree.left, sign)]
+    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Mult) and not ex.names_in(tree.left):
+        return [(s, ex.combine("*", tree.left, part)) for s, part in _terms(tree.right, sign)]
     return [(sign, tree)]
 
 
