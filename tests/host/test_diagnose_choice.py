@@ -137,6 +137,19 @@ def test_an_effect_that_a_later_one_makes_needless_is_left_out(tmp_path: Path) -
     assert "actuator_lag" in [a.entry for a in without_the_needless(prepared, needed).attachments]
 
 
+def test_a_baseline_that_runs_away_leaves_a_leader(tmp_path: Path) -> None:
+    """Of a pendulum on its end every candidate was infinitely better, and none led: the search ended in an error."""
+    prepared, bank = lagging(tmp_path)
+    theta = prepared.fit.point.theta.copy()
+    theta[prepared.extended.index("k")] *= -1e9
+    lost = replace(prepared, fit=replace(prepared.fit, point=replace(prepared.fit.point, theta=theta)))
+    density = select_density(lost)
+    assert np.isfinite(density).all() and density.min() >= -1e3
+    found = against(fit_rows(prepared, bank.rows)[0], lost, select_density(prepared) - density)
+    assert density.min() == -1e3 and np.isfinite(found.score)
+    assert leading([found, replace(found, select_gain=found.select_gain - 5.0)]) is found
+
+
 def test_what_led_one_reading_of_the_inputs_starts_from_there_with_another(tmp_path: Path) -> None:
     """It counts against the other reading's own baseline, and its values are counted as before."""
     prepared, bank = lagging(tmp_path)

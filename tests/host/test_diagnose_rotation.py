@@ -79,14 +79,21 @@ def test_folds_prove_what_most_of_them_chose(agrees: bool, low: float, gain: flo
 
 
 @pytest.mark.parametrize(
-    ("forms", "low", "borne_out", "replaced"),
-    [(5, 30.0, 9.0, True), (4, 30.0, 9.0, True), (2, 30.0, 9.0, False), (5, 1.0, 9.0, False), (5, 30.0, 1.0, False)],
-)
+    ("forms", "low", "borne_out", "score", "replaced"),
+    [
+        (5, 30.0, 9.0, 40.0, True), (4, 30.0, 9.0, 40.0, True), (2, 30.0, 9.0, 40.0, False),
+        (5, 1.0, 9.0, 40.0, False), (5, 30.0, 1.0, 40.0, False), (5, 30.0, 9.0, 99.0, False),
+    ],
+)  # fmt: skip
 def test_a_form_that_most_folds_choose_takes_the_place_of_a_name(
-    forms: int, low: float, borne_out: float, replaced: bool, monkeypatch: pytest.MonkeyPatch
+    forms: int, low: float, borne_out: float, score: float, replaced: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the folds speak and the sealed part bears it out; a diode had been a saturation and a stop."""
-    named, form = (SimpleNamespace(key=k, unlisted=k == "form", score=1.0) for k in ("saturation", "form"))
+    """Where the folds speak and the sealed part bears it out; a diode had been a saturation and a stop.
+
+    Not a form that is as good as the name on all data: a pitch gain that grows with the pitch is a bent pitch.
+    """
+    named = SimpleNamespace(key="saturation", unlisted=False, score=100.0)
+    form = SimpleNamespace(key="form", unlisted=True, score=score)
     choices = [form] * forms + [named] * (5 - forms)
     folds = tuple(Fold("a", c, np.full(40, 1.0), (low, 60.0)) for c in choices)
     before = SimpleNamespace(single=named)
@@ -94,10 +101,10 @@ def test_a_form_that_most_folds_choose_takes_the_place_of_a_name(
     monkeypatch.setattr(in_turn, "hold_against", lambda *_: instead)
     found: Any = in_turn.form_in_turn
     turned = Rotation(folds, (low, 300.0), False)
-    assert found(None, None, before, turned, 1) is (instead if replaced else before)
-    assert found(None, None, before, None, 1) is before
-    assert found(None, None, SimpleNamespace(single=form), turned, 1).single is form
-    assert found(None, None, SimpleNamespace(single=None), turned, 1).single is None
+    assert found(None, None, before, [named, form], turned, 1) is (instead if replaced else before)
+    assert found(None, None, before, [named, form], None, 1) is before
+    assert found(None, None, SimpleNamespace(single=form), [], turned, 1).single is form
+    assert found(None, None, SimpleNamespace(single=None), [], turned, 1).single is None
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.refit import MAX_FINALISTS, Begun, begin, finalists, finish, left_behind
 from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.predictor.evaluation import RUN_AWAY
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row
 
@@ -107,6 +108,11 @@ def is_accepted(candidate: Candidate) -> bool:
 
 
 def select_density(prepared: Prepared) -> Array:
-    """Return the baseline's log-density of each sample of the selection data."""
+    """Return the baseline's log-density of each sample of the selection data; -1000 where it runs away.
+
+    As in the proof: without a bound every candidate was infinitely better than the model of a pendulum that stands on
+    its end, and none of them led.
+    """
     bare = prepared.only(())
-    return bare.predictor.score_elsewhere(bare.fit, prepared.split.select)[0]
+    density = bare.predictor.score_elsewhere(bare.fit, prepared.split.select)[0]
+    return np.where(np.isfinite(density), density, RUN_AWAY)

@@ -23,6 +23,7 @@ from aeolid.models.machine_code import LANES
 
 Array = NDArray[np.float64]
 HUGE = 1e300  # objective of a point that diverges
+RUN_AWAY = -1e3  # log-density of a sample that a model cannot foretell at all
 _LOST = 1e100  # deviations: squares still have a value
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import periodogram
 
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.evaluation import RUN_AWAY
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.gains import row_matrix
 from aeolid.diagnose.predictor.noise import colour_var
@@ -55,7 +56,7 @@ def prove(
     runs = []
     for predictor, fit in (before, after):
         density, other, point = predictor.score_elsewhere(fit, sealed)
-        runs.append((np.where(np.isfinite(density), density, -1e3), other, point))
+        runs.append((np.where(np.isfinite(density), density, RUN_AWAY), other, point))
     difference = runs[1][0] - runs[0][0]
     interval = block_interval(difference, seed)
     rows = sum(len(s.y) for s in sealed)

@@ -16,6 +16,7 @@ from aeolid.diagnose.candidates.plausible import objection
 from aeolid.diagnose.candidates.refit import finalists
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.data.split import segments_of
+from aeolid.diagnose.predictor.evaluation import RUN_AWAY
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -161,7 +162,7 @@ def adds_in_turn(prepared: Prepared, fewer: Candidate, more: Candidate, seed: in
         if pair[0] is None or pair[1] is None:
             return False
         less, greater = (predictor.score_elsewhere(fit, held)[0] for predictor, fit in (pair[0], pair[1]))
-        gained.append(np.where(np.isfinite(greater), greater, -1e3) - np.where(np.isfinite(less), less, -1e3))
+        gained.append(np.where(np.isfinite(greater), greater, RUN_AWAY) - np.where(np.isfinite(less), less, RUN_AWAY))
     every, better = np.concatenate(gained), sum(float(g.sum()) > 0 for g in gained)
     material = float(every.sum()) > rules.material_rate * len(every)
     proven = block_interval(every, seed)[0] > evidence.proven_nats and material
@@ -232,7 +233,7 @@ def _without(
     if best is None:
         return Fold(name, None, np.zeros_like(before), (0.0, 0.0))
     after = best[2].score_elsewhere(best[3], held)[0]
-    difference = np.where(np.isfinite(after), after, -1e3) - np.where(np.isfinite(before), before, -1e3)
+    difference = np.where(np.isfinite(after), after, RUN_AWAY) - np.where(np.isfinite(before), before, RUN_AWAY)
     return Fold(name, best[1], difference, block_interval(difference, seed))
 
 
