@@ -29,7 +29,7 @@ def moved_by(deviations: float, share: float = 0.3) -> Any:
 def decided(
     low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0,
     rotation: object = None, worse: bool = False, constant: bool = False, alone: float | None = None,
-    high: float = 18.0, foretold_worse: float = 0.0,
+    high: float = 18.0, foretold_worse: float = 0.0, ceiling: object = None,
 ) -> tuple[str, list[str], str]:  # fmt: skip
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
@@ -49,13 +49,13 @@ def decided(
         candidate=SimpleNamespace(attachments=(None,), says=lambda a: "the frequency is off by 1.3%"),
         proof=SimpleNamespace(nrmse_after={"speed": alone}, profile={}),
     )  # fmt: skip
-    ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400), groups=())
+    ceiling = ceiling or SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400), groups=())
     study: Any = SimpleNamespace(
         findings=(), winner=drag, second=None, completed=None, alternatives=(), proof=proof, candidates=(),
         ceiling=ceiling, seed=1, rotation=rotation, shows_elsewhere=elsewhere, constants=constants,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
-            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1,
+            declared=SimpleNamespace(inputs=()), extended=SimpleNamespace(outputs=("speed",)), settle_s=1.0, linear=1,
             sampling=SimpleNamespace(late_s=0.0, is_plain=False), site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
         case=SimpleNamespace(records=()), foretold_worse=foretold_worse,
@@ -79,6 +79,18 @@ def test_a_structure_that_foretells_no_other_part_is_not_right(worse: float, sai
     assert (verdict_, names) == (said, [])
     assert ("foretells each of the others worse by at least 6.4 nats a sample" in told) is (said == "unnamed")
     assert decided(2.1, foretold_worse=worse)[0] == "named"
+
+
+@pytest.mark.parametrize(("groups", "said"), [
+    ((("past innovations", 0.52), ("past inputs", 0.3)), "no_mismatch"),
+    ((("past inputs", 0.6), ("past innovations", 0.33)), "unnamed"),
+])  # fmt: skip
+def test_what_goes_by_past_innovations_is_the_colour_of_the_noise(
+    groups: tuple[tuple[str, float], ...], said: str
+) -> None:
+    """A drone in gusts that lacks nothing was `unnamed`, for 71 sealed nats of a correction by past innovations."""
+    ceiling = SimpleNamespace(select=np.full(400, 0.2), sealed=np.full(400, 0.2), groups=groups)
+    assert decided(-3.0, ceiling=ceiling)[0] == said
 
 
 def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +172,7 @@ def test_wrong_values_are_not_all_where_a_form_leads(
     proof = SimpleNamespace(interval=(-3.0, 21.0), gain=gain)
     refitted = SimpleNamespace(interval=(22.0, 45.0))
     form = SimpleNamespace(unlisted=unlisted)
-    ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
+    ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400), groups=())
     study: Any = SimpleNamespace(
         findings=(),
         winner=form,
@@ -280,7 +292,8 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     bank = SimpleNamespace(loud=[SimpleNamespace(attachment=attachment)])
     study: Any = SimpleNamespace(
         winner=leader, proof=proof, candidates=(leader,), bank=bank,
-        rotation=SimpleNamespace(agrees=agrees, gain=folds), prepared=SimpleNamespace(linear=1),
+        rotation=SimpleNamespace(agrees=agrees, gain=folds),
+        prepared=SimpleNamespace(linear=1, sampling=SimpleNamespace(is_plain=False)),
         declared_proof=SimpleNamespace(nrmse_after={"T1": 0.9, "T2": 0.01}),
     )  # fmt: skip
     monkeypatch.setattr(declared, "whispering", lambda bank: [])
@@ -382,7 +395,7 @@ def test_a_form_is_silent_where_an_entry_of_the_catalogue_makes_the_values_right
     named.attachments = (SimpleNamespace(entry="sensor_scale", key=named.key),)
     heard = SimpleNamespace(attachment=named.attachments[0])
     bank = SimpleNamespace(loud=[heard], rows=[], limit=lambda row: 5.0)
-    study: Any = SimpleNamespace(winner=None, proof=None, bank=bank, candidates=(form, named))
+    study: Any = SimpleNamespace(winner=None, proof=None, bank=bank, candidates=(form, named), prepared=PROMPT)
     assert (form_speaking(study) is form) is speaks
 
 

@@ -21,6 +21,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import block_interval
 
 Array = NDArray[np.float64]
+PAST_INNOVATIONS = "past innovations"  # the group of features that only the colour of the noise needs
 _LAGS = 12
 _RIDGES = 10.0 ** np.arange(-3, 7)
 
@@ -151,7 +152,7 @@ def _columns(
     known = np.where(sizes[3] > 0, sizes[3], np.inf)
     scaled = (u - sizes[2]) / known  # in sizes of each input, so that no unit decides
     for lag in range(1, _LAGS + 1):
-        for source, name in ((scaled, "past inputs"), (white, "past innovations")):
+        for source, name in ((scaled, "past inputs"), (white, PAST_INNOVATIONS)):
             for j in range(source.shape[1]):
                 columns.append(lfilter(np.eye(lag + 1)[lag], 1.0, source[:, j]))
                 groups.append(name)

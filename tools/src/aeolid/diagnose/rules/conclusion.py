@@ -51,6 +51,11 @@ class ConclusionRules:
         "nats a sample and output",
         "gain of a model-free correction below which nothing is worth describing: one-step errors 2 % smaller",
     )
+    colour_share: float = rule(
+        0.5,
+        "share",
+        "part of a model-free correction that goes by past innovations, above which it is the colour of the noise",
+    )
     outlived_rate: float = rule(
         1.0,
         "nats a sample",
