@@ -63,7 +63,7 @@ def test_aerodynamic_terms_are_seen_behind_any_inertia() -> None:
     """The torques stood in one quotient of 1000 times the inertia, beside a force that nobody measured."""
     tree = ex.parse("(0.5*rho*wind**2 - torque - -2*om)/(1000*J) + 3*(a - b)", "speed")
     values = {"rho": 1.2, "wind": 9.0, "torque": 4.0, "om": 1.3, "J": 2.0, "a": 5.0, "b": 0.25}
-    terms = power_level._terms(tree, 1)
+    terms = power_level._forces(tree, 1)
     whole, *parts = (eval(ex.to_text(part), {}, dict(values)) for part in (tree, *(t for _, t in terms)))
     assert sum(sign * part for (sign, _), part in zip(terms, parts, strict=True)) == pytest.approx(whole)
     assert len(terms) == 5 and not any("torque" in ex.to_text(t) and "wind" in ex.to_text(t) for _, t in terms)

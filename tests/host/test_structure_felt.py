@@ -7,8 +7,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from aeolid.diagnose.structure.baseline import with_force
+from aeolid.diagnose.structure.baseline import shape_forces, with_force
 from aeolid.diagnose.structure.felt import felt_in
+from aeolid.diagnose.structure.sums import written_out
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
@@ -86,3 +87,49 @@ def test_what_is_not_the_whole_of_an_equation_feels_no_force_on_it(derivative: s
     assert felt_in(model.outputs[0], model.states[1], model) is None
     pushed = with_force(model, "v", ex.parse("7*q", "force"))
     assert ex.to_text(pushed.outputs[0].equation) == ex.to_text(model.outputs[0].equation)
+
+
+CART = """
+[model]
+name = "pendulum on a cart"
+time = "continuous"
+[parameters]
+m = { value = 1.0, unit = "kg", free = true }
+b = { value = 5.0, unit = "N s/m", free = true }
+l = { value = 0.3, unit = "m", free = true }
+[[state]]
+name = "v"
+derivative = "(3*u - b*v + 0.2*sin(th))/(m + 0.2*sin(th)**2)"
+[[state]]
+name = "th"
+derivative = "om"
+[[state]]
+name = "om"
+derivative = "(9.81*sin(th) - (3*u - b*v + 0.2*sin(th))/(m + 0.2*sin(th)**2)*cos(th))/l"
+[[output]]
+name = "angle"
+equation = "th"
+"""
+
+
+def test_a_force_reaches_every_state_whose_equation_repeats_the_acceleration() -> None:
+    """Friction on a cart that did not turn its pendulum had no name; the pendulum's own force stays its own."""
+    model = equations_file.from_toml(tomllib.loads(CART), CART, "cart.toml")
+    pushed = with_force(model, "v", ex.parse("0.7", "force"))
+    known = {"u": 0.4, "v": 0.2, "th": 0.3, "om": 0.1, "m": 1.1, "b": 5.0, "l": 0.3}
+
+    def slopes(of: Equations) -> dict[str, float]:
+        values = {k: np.array([v]) for k, v in known.items()}
+        return {s.name: float(ex.values_of(written_out(s.derivative, of), values)[0]) for s in of.states}
+
+    before, after = slopes(model), slopes(pushed)
+    assert after["v"] - before["v"] == pytest.approx(0.7)
+    assert after["om"] - before["om"] == pytest.approx(-0.7 * np.cos(0.3) / 0.3)
+    assert after["th"] == before["th"]
+    turned = slopes(with_force(model, "om", ex.parse("0.7", "force")))
+    assert turned["om"] - before["om"] == pytest.approx(0.7 / 0.3) and turned["v"] == before["v"]  # a torque over l
+    shaped, added = shape_forces(model, 10.0, 0.01)
+    known |= dict.fromkeys(added, 0.0) | {p.name: p.value for p in shaped.parameters if p.name not in known}
+    assert added == ("unmeasured_v", "unmeasured_om")
+    known["unmeasured_v"] = 0.5
+    assert slopes(shaped)["om"] - before["om"] == pytest.approx(-0.5 * np.cos(0.3) / 0.3)

@@ -85,20 +85,19 @@ def shape_forces(model: Equations, slowest_s: float, step: float) -> tuple[Equat
     only coloured noise on offer and would get a name. a lies between 1/(slowest_s) and one a step. Returns the model
     and the names of the added states.
     """
-    parameters, states, added = list(model.parameters), list(model.states), []
+    parameters, added = list(model.parameters), []
     for i in noisy_states(model):
         state = model.states[i]
         force, rate = f"{FORCE}{state.name}", f"{RATE}{state.name}"
         model = with_force(model, state.name, ast.Name(id=force))
-        states[i] = model.states[i]
         low, high = 1.0 / slowest_s, 1.0 / step
         decay = f"-{rate}*{force}"
         if model.sample_time_s:
             decay = f"exp(-{rate}*{model.sample_time_s!r})*{force}"
         parameters.append(Parameter(rate, float(np.sqrt(low * high)), "1/s", low, high, True))
-        states.append(State(force, "", ex.parse(decay, "unmeasured force"), 0.0))
-        added.append(force)
-    return replace(model, parameters=tuple(parameters), states=tuple(states)), tuple(added)
+        added.append(State(force, "", ex.parse(decay, "unmeasured force"), 0.0))
+    model = replace(model, parameters=tuple(parameters), states=(*model.states, *added))
+    return model, tuple(s.name for s in added)
 
 
 def mass_of(derivative: ast.expr, model: Equations) -> Parameter | None:
@@ -118,7 +117,7 @@ def add_force(state: State, force: ast.expr, model: Equations) -> State:
 
 
 def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
-    """Add a force to one state's equation, and to what an accelerometer feels: every output that repeats the equation.
+    """Add a force to one state's equation, and to what feels it: every output and state that repeats the equation.
 
     What is felt becomes an intermediate of its own, `felt_<state>`, kept last, so that later forces find it whatever
     has been done to the output meanwhile.
@@ -135,7 +134,11 @@ def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
 
 
 def _with_felt(model: Equations, name: str) -> Equations:
-    """Let outputs that repeat a state's equation, or all of it that states move, read it as an intermediate."""
+    """Let what repeats a state's equation read it as an intermediate: outputs, also all of it that states move; states.
+
+    A pendulum's equation holds the acceleration of its cart in full: friction on the cart that did not reach the
+    pendulum was no friction, and had no name.
+    """
     d, label = next(s.derivative for s in model.states if s.name == name), f"{FELT}{name}"
     shared = {a.name for a in model.auxiliaries}
     is_signal = isinstance(d, ast.Constant) or (isinstance(d, ast.Name) and d.id not in shared)
@@ -143,9 +146,15 @@ def _with_felt(model: Equations, name: str) -> Equations:
         return model
     state = next(s for s in model.states if s.name == name)
     outputs = tuple(_feeling(o, state, label, model) for o in model.outputs)
-    if not any(label in ex.names_in(o.equation) for o in outputs):
+    states = tuple(s if s is state else _carried(s, d, label) for s in model.states)
+    if not any(label in ex.names_in(e) for e in (*(o.equation for o in outputs), *(s.derivative for s in states))):
         return model
-    return replace(model, outputs=outputs, auxiliaries=(*model.auxiliaries, Auxiliary(label, d)))
+    return replace(model, outputs=outputs, states=states, auxiliaries=(*model.auxiliaries, Auxiliary(label, d)))
+
+
+def _carried(state: State, d: ast.expr, label: str) -> State:
+    """Return a state that reads another's equation `d` as an intermediate where it repeats it in full."""
+    return replace(state, derivative=ex.swap(state.derivative, d, ast.Name(id=label)))
 
 
 def _feeling(output: Output, state: State, label: str, model: Equations) -> Output:

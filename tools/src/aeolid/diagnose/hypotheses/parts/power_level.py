@@ -75,7 +75,7 @@ def aerodynamic(site: Site, motion: Motion, kind: str) -> ast.expr | None:
     variables = {*site.symbols, *(s.name for s in site.model.states)}
     air = _air(site)
     terms = []
-    for sign, term in _terms(forces, 1):
+    for sign, term in _forces(forces, 1):
         names = _reach(site.model, term) & variables
         if any(n.startswith(FORCE) for n in names):
             continue
@@ -128,20 +128,29 @@ def _air(site: Site) -> set[str]:
 
 
 def _terms(tree: ast.expr, sign: int) -> list[tuple[int, ast.expr]]:
-    """Split a sum into its signed terms; a sum that is divided, or has a factor of numbers alone, by its own terms.
-
-    An inertia in other units, (torques)/(1000*J), or a force that nobody measured beside the quotient, hid them all.
-    """
+    """Split a sum into its signed terms."""
     if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Add | ast.Sub):
         right = sign if isinstance(tree.op, ast.Add) else -sign
         return _terms(tree.left, sign) + _terms(tree.right, right)
     if isinstance(tree, ast.UnaryOp):
         return _terms(tree.operand, -sign if isinstance(tree.op, ast.USub) else sign)
-    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Div):
-        return [(s, ex.combine("/", part, tree.right)) for s, part in _terms(tree.left, sign)]
-    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Mult) and not ex.names_in(tree.left):
-        return [(s, ex.combine("*", tree.left, part)) for s, part in _terms(tree.right, sign)]
     return [(sign, tree)]
+
+
+def _forces(tree: ast.expr, sign: int) -> list[tuple[int, ast.expr]]:
+    """Split an equation of motion into its signed terms, also behind a divisor and factors of numbers.
+
+    An inertia in other units, (torques)/(1000*J), or a force that nobody measured beside the quotient, hid them all.
+    """
+    found = []
+    for own, term in _terms(tree, sign):
+        if isinstance(term, ast.BinOp) and isinstance(term.op, ast.Div):
+            found += [(s, ex.combine("/", part, term.right)) for s, part in _forces(term.left, own)]
+        elif isinstance(term, ast.BinOp) and isinstance(term.op, ast.Mult) and not ex.names_in(term.left):
+            found += [(s, ex.combine("*", term.left, part)) for s, part in _forces(term.right, own)]
+        else:
+            found.append((own, term))
+    return found
 
 
 def _reach(model: Equations, tree: ast.expr) -> set[str]:
