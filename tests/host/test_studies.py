@@ -258,3 +258,30 @@ def test_third_author_nulls_are_complete(tmp_path, name):
         clean = case.clean[output.name]
         noise = np.std(record.column(output.name) - clean)
         assert np.std(told[:, k] - clean) < 0.01 * min(noise, np.std(declared[:, k] - clean))
+
+
+def test_fourth_author_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
+    """Short recordings, lost rows, milliseconds, two effects, a recorded wave: each is read, as another seed is."""
+    from aeolid.diagnose.data.case import load_case
+
+    study = load_study("fourth_author")
+    words = ["rubber_cold", "monopile_sea", "null_boost", "null_drone", "web_draws"]
+    for seed in ("0", "5"):
+        assert study.main(["--only", *words, "--write-only", "--seed", seed, "--out", str(tmp_path)]) == 0
+    cases = sorted(tmp_path.glob("seed_*/cases/*"))
+    assert len(cases) == 2 * len(words)
+    for case in cases:
+        loaded = load_case(case)
+        read = [record.columns([o.name for o in loaded.baseline.outputs]) for record in loaded.records]
+        assert all(np.isfinite(y).mean() > 0.98 for y in read)
+    assert len(list((tmp_path / "seed_0" / "cases" / "rubber_cold").glob("run*.csv"))) == 6
+
+
+def test_of_two_effects_with_one_value_name_the_one_that_is_asked_for_is_graded():
+    """A tower's shadow and an imbalance both have the cosine part of a force."""
+    study = load_study("second_author")
+    case = study.Case("a", 1.0, {}, "", ("tower_shadow", "mass_imbalance"), (), {"force_N_cos": 1900.0})
+    shadow = ("tower_shadow", "state:vf", {"force_N_cos": 1915.0})
+    imbalance = ("mass_imbalance", "state:vs", {"force_N_cos": 674.0})
+    for effects in ((shadow, imbalance), (imbalance, shadow)):
+        assert study.grade(case, answer("multiple", *effects)) == "right"

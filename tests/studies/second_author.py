@@ -119,11 +119,11 @@ def diagnosed(case: Path, out: Path) -> dict[str, Any]:
 
 
 def told_values(case: Case, said: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values that an entry which is right tells, of those that are asked for."""
+    """Return the values that an entry which is right tells, of those that are asked for: of the first that has one."""
+    right = [e for name in reversed(case.right) for e in said["effects"] if e["id"] == name]
     return {
         name: float(effect["parameters"][name]["value"])
-        for effect in said["effects"] if effect["id"] in case.right
-        for name in case.values if name in effect["parameters"]
+        for effect in right for name in case.values if name in effect["parameters"]
     }  # fmt: skip
 
 

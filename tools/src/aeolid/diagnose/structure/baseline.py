@@ -137,7 +137,8 @@ def _with_felt(model: Equations, name: str) -> Equations:
     """Let what repeats a state's equation read it as an intermediate: outputs, also all of it that states move; states.
 
     A pendulum's equation holds the acceleration of its cart in full: friction on the cart that did not reach the
-    pendulum was no friction, and had no name.
+    pendulum was no friction, and had no name. Of states only what an input moves: a twist's rate, which a damping
+    repeats, is geometry.
     """
     d, label = next(s.derivative for s in model.states if s.name == name), f"{FELT}{name}"
     shared = {a.name for a in model.auxiliaries}
@@ -146,7 +147,8 @@ def _with_felt(model: Equations, name: str) -> Equations:
         return model
     state = next(s for s in model.states if s.name == name)
     outputs = tuple(_feeling(o, state, label, model) for o in model.outputs)
-    states = tuple(s if s is state else _carried(s, d, label) for s in model.states)
+    moved = bool(ex.names_in(d) & set(model.symbols))
+    states = tuple(_carried(s, d, label) if moved and s is not state else s for s in model.states)
     if not any(label in ex.names_in(e) for e in (*(o.equation for o in outputs), *(s.derivative for s in states))):
         return model
     return replace(model, outputs=outputs, states=states, auxiliaries=(*model.auxiliaries, Auxiliary(label, d)))
