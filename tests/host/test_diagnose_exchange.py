@@ -247,7 +247,13 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
     names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error", "beside"]
     bank = Bank((*(row(n, 6.0) for n in names), row("quiet", 3.0, 0.2), row("whisper", 3.5, 0.005)), 4.0)
     study: Any = SimpleNamespace(
-        candidates=candidates, bank=bank, prepared=None, winner=None, proof=None, rotation=None, declared_proof=None
+        candidates=candidates,
+        bank=bank,
+        prepared=SimpleNamespace(sampling=SimpleNamespace(is_plain=False)),
+        winner=None,
+        proof=None,
+        rotation=None,
+        declared_proof=None,
     )
     assert [c.key for c in also_speaking(study)] == ["lag", "drag", "whisper"]
     study.winner = candidates[7]  # the leader, which leaves declared values as wrong
