@@ -41,13 +41,18 @@ def lagging(folder: Path) -> tuple[Prepared, Bank]:
     return prepared, score_bank(prepared, [a for a in prepared.hypotheses if a.entry == "actuator_lag"], 1)
 
 
+def with_a_parameter_off(prepared: Prepared) -> Prepared:
+    """Return the stage with its first free parameter 10 % below what was fitted."""
+    theta = prepared.fit.point.theta.copy()
+    theta[prepared.free.theta[0]] *= 0.9
+    return replace(prepared, fit=prepared.predictor.at(replace(prepared.fit.point, theta=theta), prepared.free))
+
+
 def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path) -> None:
     """The gain over a baseline that is 10 % off in one parameter: as if that had been the baseline from the start."""
     prepared, bank = lagging(tmp_path)
     found = fit_rows(prepared, bank.rows)[0]
-    theta = prepared.fit.point.theta.copy()
-    theta[prepared.free.theta[0]] *= 0.9
-    other = replace(prepared, fit=prepared.predictor.at(replace(prepared.fit.point, theta=theta), prepared.free))
+    other = with_a_parameter_off(prepared)
     moved = against(found, other, select_density(prepared) - select_density(other))
     assert moved.fit_gain == pytest.approx(found.fit.log_posterior - other.fit.log_posterior)
     assert moved.fit_gain > found.fit_gain + 1  # the other baseline is worse
@@ -154,9 +159,7 @@ def test_what_led_one_reading_of_the_inputs_starts_from_there_with_another(tmp_p
     """It counts against the other reading's own baseline, and its values are counted as before."""
     prepared, bank = lagging(tmp_path)
     found = fit_rows(prepared, bank.rows)[0]
-    theta = prepared.fit.point.theta.copy()
-    theta[prepared.free.theta[0]] *= 0.9
-    other = replace(prepared, fit=prepared.predictor.at(replace(prepared.fit.point, theta=theta), prepared.free))
+    other = with_a_parameter_off(prepared)
     again = taken_up(other, found)
     assert again is not None and again.key == found.key and again.parameters == found.parameters
     assert again.fit.log_posterior == pytest.approx(found.fit.log_posterior, abs=0.5)

@@ -13,8 +13,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter, lfilter_zi
-from second_author_parts import converted, free, smooth
+from second_author_parts import converted, smooth
 from textbook_plants import Array
+from third_author_parts import off
 
 LOOP = "closed_loop = true\n"
 WT = "wind turbine"
@@ -61,9 +62,4 @@ def logged(rng: np.random.Generator, y: Array, share: float, *, lag: float = 0.0
 
 def declared(rng: np.random.Generator, true: Mapping[str, float], most: float = 0.10, **units: str) -> dict[str, str]:
     """Return free values that are declared 1 % to `most` off, between a quarter and four times the true ones."""
-    found = {}
-    for key, v in true.items():
-        value = float(f"{v * (1 + rng.choice([-1, 1]) * rng.uniform(0.01, most)):.3g}")
-        low, high = sorted((v / 4, v * 4))
-        found[key] = free(value, float(f"{low:.3g}"), float(f"{high:.3g}"), units.get(key, ""))
-    return found
+    return off(rng, true, 0.01, most, **units)

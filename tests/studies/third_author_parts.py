@@ -56,11 +56,13 @@ def white(rng: np.random.Generator, y: Array, std: float) -> Array:
     return np.asarray(y + std * rng.standard_normal(len(y)))
 
 
-def off(rng: np.random.Generator, true: Mapping[str, float], **units: str) -> dict[str, str]:
-    """Return free values that are declared 2 to 10 % off, between a quarter and four times the true ones."""
+def off(
+    rng: np.random.Generator, true: Mapping[str, float], least: float = 0.02, most: float = 0.10, **units: str
+) -> dict[str, str]:  # fmt: skip
+    """Return free values that are declared `least` to `most` off, between a quarter and four times the true ones."""
     found = {}
     for key, v in true.items():
-        declared = float(f"{v * (1 + rng.choice([-1, 1]) * rng.uniform(0.02, 0.10)):.3g}")
+        declared = float(f"{v * (1 + rng.choice([-1, 1]) * rng.uniform(least, most)):.3g}")
         low, high = sorted((v / 4, v * 4))
         found[key] = free(declared, float(f"{low:.3g}"), float(f"{high:.3g}"), units.get(key, ""))
     return found
