@@ -116,8 +116,8 @@ def reactor(rng: np.random.Generator, *, complete: bool = False) -> Case:
     }  # fmt: skip
     if complete:
         return Case("null_cstr", step, columns, text, lost=6)
-    return Case("cstr_delay", step, columns, text, (), ("sensor_second_order", "sensor_lag"), outside=True,
-                time="time [min]", time_scale=1 / 60)  # fmt: skip
+    return Case("cstr_delay", step, columns, text, ("data_time_offset",), ("sensor_second_order", "sensor_lag"),
+                {"offset_s": late}, time="time [min]", time_scale=1 / 60)  # fmt: skip
 
 
 def _plates(rng: np.random.Generator, rows: int) -> tuple[Array, Array]:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.baseline.channel_faults import ChannelFault, channel_faults, with_faults
+from aeolid.diagnose.baseline.channel_faults import Fault, channel_faults, with_faults
+from aeolid.diagnose.baseline.late_output import late_output
 from aeolid.diagnose.baseline.simulated import check_run, is_simple
 from aeolid.diagnose.conclusion.export import evidence as evidence_of
 from aeolid.diagnose.conclusion.export import write_all, write_ended, write_found
@@ -34,13 +35,13 @@ def conclude(
 
     What a channel did not measure is left out. A fault of the recording that cannot be left out ends it before anything
     is fitted (`data_fault`); data that cannot carry an answer end it where that shows (`not_testable`), with the reason
-    as the statement. Channels with another sign, unit or name are put right first; the answer then is about the
+    as the statement. Channels with another sign, unit, name or clock are put right first; the answer then is about the
     recording put right, and says so.
     """
     findings = examine(case.records, case.baseline)
-    wrong: tuple[ChannelFault, ...] = ()
+    wrong: tuple[Fault, ...] = ()
     if all(f.severity != "fault" or f.left_out or f.check == SWAPPED for f in findings):
-        wrong, case = channel_faults(case)
+        wrong, case = _put_right(case)
         findings = examine(case.records, case.baseline) if wrong else findings
     case, left = masked_case(case)
     case, over = bridged_case(case)
@@ -70,6 +71,13 @@ def conclude(
     return diagnosis, write_all(result, diagnosis, folder)
 
 
+def _put_right(case: Case) -> tuple[tuple[Fault, ...], Case]:
+    """Return what is wrong with the channels' wiring and clocks, and the case with that put right."""
+    wrong, case = channel_faults(case)
+    late, case = late_output(case)
+    return (wrong if late is None else (*wrong, late)), case
+
+
 def _against_run(
     case: Case, folder: Path, findings: Sequence[Finding], progress: Progress, late: Deadline
 ) -> tuple[dict[str, Any], dict[str, Any]] | None:
@@ -94,7 +102,7 @@ def _against_run(
 def ended(
     verdict: str, title: str, reason: str, folder: Path,
     location: dict[str, Any] | None = None, evidence: dict[str, Any] | None = None,
-    faults: Sequence[ChannelFault] = (),
+    faults: Sequence[Fault] = (),
 ) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
     """Write a diagnosis that ended before any effect could be tested; nothing is excluded by it."""
     diagnosis = {

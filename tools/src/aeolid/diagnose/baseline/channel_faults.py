@@ -10,12 +10,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from aeolid.diagnose.baseline.prepare import prepare
-from aeolid.diagnose.baseline.wiring_evidence import PARTS, Judge, Wiring, judge_of
+from aeolid.diagnose.baseline.wiring_columns import Wiring
+from aeolid.diagnose.baseline.wiring_evidence import PARTS, Judge, judge_of
 from aeolid.diagnose.baseline.wiring_values import level_errors, with_own_values
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.rules import in_force
@@ -117,7 +118,18 @@ def _is_refuted(case: Case, right: Case, found: Sequence[ChannelFault]) -> bool:
         return False
 
 
-def with_faults(diagnosis: dict[str, Any], faults: Sequence[ChannelFault]) -> dict[str, Any]:
+class Fault(Protocol):
+    """Stand for what is wrong with a recording: in words, and as an effect of diagnosis.json."""
+
+    @property
+    def statement(self) -> str:
+        """Return it in words."""
+
+    def to_effect(self) -> dict[str, Any]:
+        """Return it as an effect of diagnosis.json."""
+
+
+def with_faults(diagnosis: dict[str, Any], faults: Sequence[Fault]) -> dict[str, Any]:
     """Return a diagnosis of the recording put right as one of the recording that was given: its faults come first."""
     if not faults:
         return diagnosis

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from aeolid.diagnose.baseline.wiring_columns import Sensor, Wiring, all_behind, one_behind
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.predictor.riccati import steady_gain
@@ -35,32 +35,18 @@ _MOST_ROWS = 20_000  # of all recordings: more make no sign clearer
 _KEPT = 3  # wirings of the inputs whose simulations are kept: some tens of megabytes at most
 
 
-@dataclass(frozen=True)
-class Wiring:
-    """Say how columns of a recording become channels: channel j is factor_j times (column order_j less its zero_j)."""
-
-    inputs: tuple[float, ...]
-    outputs: tuple[float, ...]
-    input_order: tuple[int, ...]
-    output_order: tuple[int, ...]
-    input_zeros: tuple[float, ...]
-    output_zeros: tuple[float, ...]
-
-    def apply(self, u: Array, y: Array) -> tuple[Array, Array]:
-        """Return inputs (N, r) and outputs (N, l) as this wiring has them."""
-        v, z = u[:, list(self.input_order)] - self.input_zeros, y[:, list(self.output_order)] - self.output_zeros
-        return v * self.inputs, z * self.outputs
-
-
 class Judge:
     """Hold a baseline and recordings, and say what each wiring is worth."""
 
     def __init__(
         self, model: StateSpace | Equations, blocks: Sequence[tuple[Array, Array]], step: float,
-        units: Mapping[str, str] = MappingProxyType({}),
+        units: Mapping[str, str] = MappingProxyType({}), reach: int = 0,
     ) -> None:  # fmt: skip
-        """units: those that the roles give the channels; `stated` has them where the model has none."""
-        self.model, self.blocks, self.step = model, blocks, step
+        """units: those that the roles give the channels; `stated` has them where the model has none.
+
+        reach: rows by which an output's column may be asked to be late or early; as many do not count at either end.
+        """
+        self.model, self.blocks, self.step, self.reach = model, blocks, step, reach
         self.names = [s.name for s in model.inputs], [s.name for s in model.outputs]
         self.units = [s.unit for s in model.inputs], [s.unit for s in model.outputs]
         self.stated = tuple([s.unit or units.get(s.name, "") for s in part] for part in (model.inputs, model.outputs))
@@ -71,7 +57,7 @@ class Judge:
         self._gain = _observer(model, blocks) if isinstance(model, StateSpace) else None
         self._compiled = compile_equations(model) if isinstance(model, Equations) else None
         self._runs: dict[object, dict[object, Array | None]] = {}
-        self.skip = self._settled()
+        self.skip = max(self._settled(), reach)
 
     def _settled(self) -> int:
         """Return the samples after which the start no longer counts; at most a fifth of the shortest recording."""
@@ -81,19 +67,29 @@ class Judge:
         slowest = float(np.max(np.abs(np.linalg.eigvals(self.model.A - self._gain @ self.model.C)), initial=0.0))
         return int(min(3 / max(1 - slowest, 1e-6), shortest // 5))
 
-    def residuals(self, wiring: Wiring, lags: tuple[float, ...]) -> list[Array] | None:
-        """Return what the baseline leaves over of each recording; None where it does not run on it."""
+    def counted(self, block: Array) -> Array:
+        """Return those rows of a recording that count."""
+        return block[self.skip : len(block) - self.reach]
+
+    def residuals(
+        self, wiring: Wiring, lags: tuple[float, ...], sensor: Sensor | None = None
+    ) -> list[Array] | None:  # fmt: skip
+        """Return what the baseline leaves over of each recording; None where it does not run on it.
+
+        sensor: what one output passes besides. A linear model foretells what all other channels are behind the same
+        filter; what it leaves over of them is behind it, too, and so smaller (`plain` makes up for that).
+        """
         result = []
         for number, (u, y) in enumerate(self.blocks):
             v, z = wiring.apply(u, y)
             if self._compiled is None:
-                left: Array | None = self._observed(_late(v, lags), z)
+                left: Array | None = self._observed(*all_behind(sensor, _late(v, lags), z))
             else:
                 run = self._run(v, lags, number, (wiring.inputs, wiring.input_order, wiring.input_zeros))
-                left = None if run is None else z - run
+                left = None if run is None else z - one_behind(sensor, run)
             if left is None or not np.all(np.isfinite(left)):
                 return None
-            result.append(left[self.skip :])
+            result.append(self.counted(left))
         return result
 
     def _observed(self, u: Array, y: Array) -> Array:
@@ -133,7 +129,7 @@ class Judge:
             if left is None:
                 continue
             total, parts = _evidence(left, order)
-            jacobian = float(np.sum(np.log(np.abs(wiring.outputs))))
+            jacobian = wiring.log_determinant
             rows = sum(len(r) - order for r in left)
             if total + rows * jacobian > best[0]:
                 best = (total + rows * jacobian, parts + rows * jacobian / PARTS, lags)
@@ -142,21 +138,32 @@ class Judge:
     @property
     def rows(self) -> int:
         """Return the number of samples that count, times the outputs."""
-        return sum(len(u) - self.skip for u, _ in self.blocks) * len(self.names[1])
+        return sum(len(self.counted(u)) for u, _ in self.blocks) * len(self.names[1])
 
-    def plain(self, wiring: Wiring, order: int, *, free: bool = False) -> float:
-        """Return the log-likelihood of a wiring without lags; free: past inputs have free weights besides."""
-        left = self.residuals(wiring, (0.0,) * len(self.names[0]))
+    def plain(
+        self, wiring: Wiring, order: int, *, free: bool = False,
+        lags: tuple[float, ...] | None = None, sensor: Sensor | None = None,
+    ) -> float:  # fmt: skip
+        """Return the log-likelihood of a wiring, without lags by default.
+
+        free: past inputs have free weights besides; sensor: what one output passes besides.
+        """
+        left = self.residuals(wiring, lags or (0.0,) * len(self.names[0]), sensor)
         if left is None:
             return -np.inf
-        inputs = [wiring.apply(u, y)[0][self.skip :] for u, y in self.blocks]
+        inputs = [self.counted(wiring.apply(u, y)[0]) for u, y in self.blocks]
         rows = sum(len(r) - order for r in left)
-        jacobian = rows * float(np.sum(np.log(np.abs(wiring.outputs))))
+        jacobian = rows * wiring.log_determinant
+        if sensor is not None and self._compiled is None:
+            jacobian += rows * (len(wiring.outputs) - 1) * float(np.log(sensor.gain))
         return _evidence(left, order, inputs if free else None)[0] + jacobian
 
 
-def judge_of(case: Case) -> Judge | None:
-    """Return the judge of a case; None where the baseline is no model or the recordings are too short."""
+def judge_of(case: Case, reach: int = 0) -> Judge | None:
+    """Return the judge of a case; None where the baseline is no model or the recordings are too short.
+
+    reach: rows by which an output's column may be asked to be late, at most a tenth of a recording.
+    """
     rules = in_force().baseline
     model = case.baseline
     if not isinstance(model, StateSpace | Equations) or not model.outputs or not model.inputs:
@@ -183,7 +190,9 @@ def judge_of(case: Case) -> Judge | None:
     moving = [np.vstack([b[k] for b in blocks]) for k in (0, 1)] if blocks else []
     if not moving or not all(np.all(np.ptp(part, axis=0) > 0) for part in moving):
         return None
-    return Judge(model, blocks, step, {c.name: c.unit for c in case.records[0].channels})
+    shortest = min(len(u) for u, _ in blocks)
+    units = {c.name: c.unit for c in case.records[0].channels}
+    return Judge(model, blocks, step, units, min(reach, shortest // 10))
 
 
 def _filled(values: Array) -> Array:

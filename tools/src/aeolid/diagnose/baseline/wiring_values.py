@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from aeolid.diagnose.baseline.wiring_evidence import Judge, Wiring
+from aeolid.diagnose.baseline.wiring_columns import Wiring
+from aeolid.diagnose.baseline.wiring_evidence import Judge
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -43,13 +44,12 @@ def with_own_values(judge: Judge, wiring: Wiring) -> Judge:
         parameters = list(model.parameters)
         for i, value in zip(places, values, strict=True):
             parameters[i] = replace(parameters[i], value=float(value))
-        return Judge(replace(model, parameters=tuple(parameters)), judge.blocks, judge.step)
+        return Judge(replace(model, parameters=tuple(parameters)), judge.blocks, judge.step, reach=judge.reach)
 
     def errors(values: Array) -> Array:
         left = at(values).residuals(wiring, (0.0,) * len(judge.names[0]))
         if left is None:
-            rows = sum(len(u) - judge.skip for u, _ in judge.blocks)
-            return np.full(rows * len(spread), _FAR)
+            return np.full(judge.rows, _FAR)
         return np.asarray(np.clip(np.vstack(left) / spread, -_FAR, _FAR).ravel())
 
     found = least_squares(errors, start, bounds=(low, high), x_scale=width, max_nfev=_MOST)

@@ -44,6 +44,7 @@ class BaselineRules:
         "share",
         "part of what a wind does not foretell of itself that other channels know, from which it is computed from them",
     )
+    late_rows: int = rule(2, "rows", "by which one output of several must be late or early for it to be said")
     present_share: float = rule(0.9, "share", "part of a channel that must be there for it to be asked")
     run_samples: int = rule(400, "samples", "least length of a simulator's run, as of a recording")
     wiring_rows: int = rule(200, "rows", "rows of a recording without which its wiring is not asked")

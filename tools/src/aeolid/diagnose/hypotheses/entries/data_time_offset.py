@@ -1,4 +1,4 @@
-"""Inputs and outputs were stamped by two clocks that do not agree."""
+"""Channels were stamped by two clocks that do not agree: inputs against outputs, or one output against all others."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def _attach(site: Site) -> list[Attachment]:
 ENTRY = Entry(
     id="data_time_offset",
     family="input_lag",
-    name="clock offset between the loggers of inputs and outputs",
+    name="clock offset between loggers",
     equation="u_acting(t) = u_recorded(t - offset_s), all inputs alike",
     source="Maes et al. 2016, Journal of Sound and Vibration 381 (synchronising loggers by system identification)",
-    quantities=(Quantity("offset_s", "s", -60.0, 60.0, 0.0, "inputs stamped early by this much; negative: late"),),
-    attaches_to="all inputs together; against a simulator's run a single output, too",
+    quantities=(Quantity("offset_s", "s", -60.0, 60.0, 0.0, "outputs late against inputs by this; negative: early"),),
+    attaches_to="all inputs together; one output of several, whose column is moved; one of a simulator's run, too",
     signature="phase falls (or rises) in proportion to frequency from every input to every output by one time",
     confused_with=(
         ("transport_delay",
