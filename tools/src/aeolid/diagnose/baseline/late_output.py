@@ -228,10 +228,14 @@ def _moved(record: Record, output: str, rows: float) -> Record:
 
 
 def _is_refuted(case: Case, right: Case) -> bool:
-    """Tell whether the baseline, fitted to either, fits the recording put right no better than as it is."""
+    """Tell whether the baseline, fitted to either, fits the recording put right no better than its rows as given."""
     if not isinstance(case.baseline, Equations):
         return False
+    same = [
+        replace(g, values=np.where(np.isnan(r.values), np.nan, g.values))
+        for g, r in zip(case.records, right.records, strict=True)
+    ]
     try:
-        return prepare(right).fit.log_posterior <= prepare(case).fit.log_posterior
+        return prepare(right).fit.log_posterior <= prepare(replace(case, records=tuple(same))).fit.log_posterior
     except (NotIdentifiable, np.linalg.LinAlgError):
         return False

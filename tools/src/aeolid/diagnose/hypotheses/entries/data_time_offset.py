@@ -58,7 +58,7 @@ ENTRY = Entry(
     name="clock offset between loggers",
     equation="u_acting(t) = u_recorded(t - offset_s), all inputs alike",
     source="Maes et al. 2016, Journal of Sound and Vibration 381 (synchronising loggers by system identification)",
-    quantities=(Quantity("offset_s", "s", -60.0, 60.0, 0.0, "outputs late against inputs by this; negative: early"),),
+    quantities=(Quantity("offset_s", "s", -60.0, 60.0, 0.0, "delay of the outputs, or of one; negative: early"),),
     attaches_to="all inputs together; one output of several, whose column is moved; one of a simulator's run, too",
     signature="phase falls (or rises) in proportion to frequency from every input to every output by one time",
     confused_with=(
