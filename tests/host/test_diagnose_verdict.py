@@ -13,7 +13,7 @@ from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.slight import is_slight, parts_that_matter, slight_parts
 from aeolid.diagnose.conclusion import declared, verdict
 from aeolid.diagnose.conclusion.declared import form_speaking
-from aeolid.diagnose.conclusion.sentence import inputs_rest, sentence
+from aeolid.diagnose.conclusion.sentence import _slow, inputs_rest, sentence, untested
 from aeolid.diagnose.hypotheses.entries import data_time_offset
 from aeolid.diagnose.selection.rivals import is_other
 from aeolid.diagnose.validation.proof import Proof
@@ -56,6 +56,7 @@ def decided(
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
             declared=SimpleNamespace(inputs=()), extended=SimpleNamespace(outputs=("speed",)), settle_s=1.0, linear=1,
+            fastest=3.0,
             sampling=SimpleNamespace(late_s=0.0, is_plain=False), site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
         case=SimpleNamespace(records=()), foretold_worse=foretold_worse,
@@ -409,12 +410,12 @@ def test_an_effect_explains_away_what_a_model_s_constants_are_not_off_by(
     assert declared.explains_away(found) is (deviations < 1)  # where all values are off by little, none may stay so
 
 
-PROMPT = SimpleNamespace(sampling=SimpleNamespace(late_s=0.0, is_plain=False))
+PROMPT = SimpleNamespace(sampling=SimpleNamespace(late_s=0.0, is_plain=False), linear=1)
 
 
 def test_inputs_that_act_late_are_said_where_nothing_is_missing() -> None:
     """Less than a sample is no finding, but may be a drive."""
-    late = SimpleNamespace(sampling=SimpleNamespace(late_s=0.012))
+    late = SimpleNamespace(sampling=SimpleNamespace(late_s=0.012), linear=1)
     study: Any = SimpleNamespace(
         candidates=(), winner=None, proof=None, bank=SimpleNamespace(loud=[]), prepared=late,
         case=SimpleNamespace(records=[SimpleNamespace(sample_time_s=0.02)]),
@@ -539,3 +540,22 @@ def test_missing_samples_do_not_make_an_input_rest(force: list[float], rest: boo
     record = Record(np.arange(3.0), values, channels, 1.0, "recording", "")
     assert inputs_rest([record], ["force"]) is rest
     assert not inputs_rest([record], [])
+
+
+@pytest.mark.parametrize(
+    ("slowest", "fastest", "tests", "told"),
+    [(5.0, 1.0, True, False), (500.0, 1.0, True, True), (500.0, 200.0, False, True)],
+)
+def test_a_slow_wall_does_not_keep_a_room_from_being_tested(
+    slowest: float, fastest: float, tests: bool, told: bool
+) -> None:
+    """A room's recording of 28 h beside a wall of 49 h was `not_testable`: its air and radiator are far faster."""
+    study: Any = SimpleNamespace(
+        bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
+        prepared=SimpleNamespace(
+            declared=SimpleNamespace(inputs=()), settle_s=3 * slowest, fastest=1 / fastest, linear=None
+        ),
+        case=SimpleNamespace(records=[Record(np.arange(100.0), np.zeros((100, 0)), (), 1.0, "recording", "")]),
+    )
+    assert (untested(study) == "") is tests
+    assert ("shorter than the model's slowest time constant of 500 s" in _slow(study)) is told

@@ -59,7 +59,7 @@ class Prepared:
 
     hypotheses: all that the catalogue offers for this model; attachments: those of them that are in the model, at their
     nulls or as fitted. records: the recordings as the model takes them, at its rate and with every channel it may use.
-    sampling: how the inputs go on between their samples.
+    sampling: how the inputs go on between their samples. fastest: the baseline's fastest rate, 1/s, 0 where unknown.
     """
 
     declared: Equations
@@ -79,6 +79,7 @@ class Prepared:
     site: Site
     records: tuple[Record, ...] = ()
     sampling: Sampling = field(default_factory=Sampling)
+    fastest: float = 0.0
 
     @property
     def extended(self) -> Equations:
@@ -159,7 +160,7 @@ def prepare(
     predictor, fit = _fit_baseline(predictor, free, starts, case)
     return Prepared(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
-        base.run, site, tuple(records), sampling,
+        base.run, site, tuple(records), sampling, fastest,
     )  # fmt: skip
 
 

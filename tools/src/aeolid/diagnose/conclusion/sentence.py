@@ -44,7 +44,7 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
     if verdict == "unnamed":
         return _unnamed(study)
     begin = _significant(study) or "Nothing is missing that this recording could show"
-    return f"{begin}{_late(study)}{_coloured(study)}{_not_borne_out(study)}."
+    return f"{begin}{_late(study)}{_coloured(study)}{_not_borne_out(study)}{_slow(study)}."
 
 
 def _unnamed(study: Study) -> str:
@@ -248,10 +248,36 @@ def untested(study: Study) -> str:
     prepared, records = study.prepared, study.case.records
     if inputs_rest(records, [s.name for s in prepared.declared.inputs]):
         return "No input of the recording moves: what the inputs do cannot be tested; record with excitation."
-    slowest, length = prepared.settle_s / 3, sum(len(r) * r.sample_time_s for r in records)
-    if prepared.linear is None and slowest > length:  # identified models hold slow poles that mean nothing
+    length = _length(study)
+    if prepared.fastest * length < 1 and _slower(study):
         return (
-            f"The recording of {length:.4g} s is shorter than the model's slowest time constant of {slowest:.4g} s:"
-            " record longer."
+            f"The recording of {length:.4g} s is shorter than every time constant of the model, of which the shortest"
+            f" is {1 / prepared.fastest:.4g} s: record longer."
         )
     return ""
+
+
+def _length(study: Study) -> float:
+    return sum(len(r) * r.sample_time_s for r in study.case.records)
+
+
+def _slower(study: Study) -> float:
+    """Return the model's slowest time constant in s where the recording is shorter; 0 where it is not.
+
+    Not of identified models, which hold slow poles that mean nothing.
+    """
+    prepared = study.prepared
+    if prepared.linear is not None or prepared.fastest <= 0:
+        return 0.0
+    slowest = prepared.settle_s / 3
+    return slowest if slowest > _length(study) else 0.0
+
+
+def _slow(study: Study) -> str:
+    """Say that what is as slow as the slowest part of the model cannot be told; empty where the recording is longer."""
+    if not (slowest := _slower(study)):
+        return ""
+    return (
+        f"; the recording of {_length(study):.4g} s is shorter than the model's slowest time constant of"
+        f" {slowest:.4g} s: of what is as slow it tells little"
+    )
