@@ -43,7 +43,9 @@ from aeolid.diagnose.structure.bodies import bodies_of_state_space
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.diagnose.structure.magnitudes import visible_sizes
 from aeolid.diagnose.structure.signals import motions_of_signals
+from aeolid.diagnose.structure.sums import written_out
 from aeolid.errors import NotIdentifiable
+from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
 from aeolid.models.state_space import StateSpace
@@ -132,7 +134,7 @@ def prepare(
     given = (*exogenous, *smoothed_wind(records))
     names = [s.name for s in declared.inputs] + [c.name for c in given]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
-    factor = _factor(fastest, records, most) if linear is None else 1
+    factor = _factor(fastest, declared, records, most) if linear is None else 1
     r, d = base.inputs, len(declared.inputs)
     split = split_records(records, names[:r], outputs, settle, factor, names[r:], case.around)
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
@@ -164,8 +166,13 @@ def prepare(
     )  # fmt: skip
 
 
-def _factor(fastest: float, records: Sequence[Record], most: int | None) -> int:
-    """Return how many samples one prediction spans, at most `most`; fastest: rate of the model, 1/s."""
+def _factor(fastest: float, model: Equations, records: Sequence[Record], most: int | None) -> int:
+    """Return how many samples one prediction spans, at most `most`; fastest: rate of the model, 1/s.
+
+    One where an output follows an input at once: that answer is no slower than the rows, and all of them tell of it.
+    """
+    if any(ex.names_in(written_out(o.equation, model)) & set(model.symbols) for o in model.outputs):
+        return 1
     found = factor_for(fastest, records[0].sample_time_s, sum(len(r) for r in records))
     return min(found, most or found)
 
