@@ -167,3 +167,17 @@ def test_what_never_moves_or_is_mostly_stuck_stays_a_fault(car: Equations) -> No
     y = drive(car, u, 5)
     y[20:130] = y[20]
     assert [(f.check, f.severity) for f in masked_case(case_of([record(u, y)], car))[1]] == [("left out", "fault")]
+
+
+@pytest.mark.parametrize(("step", "rows", "said"), [(0.002, 12, True), (0.002, 6, False), (0.5, 12, False)])
+def test_a_sensor_that_hangs_shortly_is_stuck(car: Equations, step: float, rows: int, said: bool) -> None:
+    """Twelve samples of a level on steps of 12 bits, which the machine left: a null was `unnamed` for their sake.
+
+    Fewer than ten may come by chance, and so do many where the steps are coarse.
+    """
+    throttle = 0.5 + 0.3 * np.sin(0.05 * np.arange(800))
+    speed = np.round(car.simulate(record(throttle, np.zeros(800)))[:, 0] / step) * step
+    speed = np.round((speed + 0.01 * np.random.default_rng(2).standard_normal(800)) / step) * step
+    speed[400 : 400 + rows] = speed[400]
+    found = [s for s in stretches_of([record(throttle, speed)], car) if s.kind == "stuck"]
+    assert [abs(s.start - 400) <= 2 and abs(s.stop - 400 - rows) <= 2 for s in found] == [True] * said

@@ -48,7 +48,8 @@ def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[
     Where values repeat by their resolution alone, only those longer than 50 samples and a fifth of a recording count,
     and shorter ones in which the model stands as well.
     A stuck sensor meets a machine that moves, so the value jumps when it comes back; what was held by friction or in a
-    dead band starts from where it stood. Cost: one free run of the model a recording that has such a stretch.
+    dead band starts from where it stood. Of what is shorter than 20 samples only a stuck sensor is said.
+    Cost: one free run of the model a recording that has such a stretch.
     """
     rules = in_force().data
     found: list[Stretch] = []
@@ -64,9 +65,11 @@ def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[
         for name, (own, coarse) in runs.items():
             for start, stop in own:
                 kind, end = _kind(record, name, (start, stop), spreads, model.get(name))
-                if kind == "rest" or not coarse or stop - start > least:
+                known = kind in ("stuck", "ended") or stop - start >= rules.standstill_samples
+                if known and (kind == "rest" or not coarse or stop - start > least):
                     found.append(Stretch(place, name, start, end, kind))
-    return tuple(_at_an_end(_moved_elsewhere(s, records), records) for s in _ended(found, records))
+    told = [_at_an_end(_moved_elsewhere(s, records), records) for s in _ended(found, records)]
+    return tuple(s for s in told if s.kind == "stuck" or len(s) >= rules.standstill_samples)
 
 
 def _spread(values: Array) -> float:
@@ -75,15 +78,32 @@ def _spread(values: Array) -> float:
 
 
 def _equal(values: Array) -> tuple[list[tuple[int, int]], bool]:
-    """Return where a channel holds one value for 20 samples or more, and whether it repeats values elsewhere too."""
+    """Return where a channel holds one value for long, and whether it repeats values elsewhere too.
+
+    Long are 20 samples, or as many as would not come by chance where each equals the one before as often as elsewhere:
+    a level on steps of 12 bits that hung for 12 and 13 samples, by far the worst foretold of all.
+    """
     rules = in_force().data
     with np.errstate(invalid="ignore"):
         same = np.diff(values) == 0
     edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
-    pairs = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    runs = [(a, b) for a, b in pairs if b - a >= rules.standstill_samples and np.isfinite(values[a])]
+    pairs = [(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True) if np.isfinite(values[a])]
+    least = min(rules.standstill_samples, _by_chance([b - a for a, b in pairs], len(values)))
+    runs = [(a, b) for a, b in pairs if b - a >= least]
     same &= ~np.isin(values[1:], [values[a] for a, _ in runs])  # it may stand there more often, and shorter
     return runs, bool(np.mean(same) > rules.alive_share)
+
+
+def _by_chance(lengths: Sequence[int], rows: int) -> int:
+    """Return the samples in a row that a channel does not repeat by chance, once in ten thousand recordings.
+
+    lengths: of all its stretches of equal samples; the longest of them does not count for how often it repeats.
+    """
+    rules = in_force().data
+    repeats = sum(lengths) - len(lengths) - (max(lengths, default=1) - 1)
+    share = (repeats + 1) / max(rows, 2)
+    needed = 1 + np.log(rules.repeated_chance / rows) / np.log(share) if share < 1 else np.inf
+    return int(np.ceil(max(min(needed, rows), rules.hung_samples)))
 
 
 def _free_run(baseline: Baseline, record: Record) -> dict[str, Array]:

@@ -114,6 +114,12 @@ class DataRules:
     standstill_samples: int = rule(
         20, "samples", "equal samples in a row of a channel that else never repeats: noise does not, to the last digit"
     )
+    hung_samples: int = rule(
+        10, "samples", "equal samples in a row, at least, that do not come by chance in a channel as fine as it is"
+    )
+    repeated_chance: float = rule(
+        1e-4, "probability", "chance, a recording, that a channel repeats one value for as long by its resolution alone"
+    )
     coarse_standstill_samples: int = rule(
         50, "samples", "equal samples in a row of a channel whose values are so coarse that they repeat anyhow"
     )
