@@ -152,7 +152,8 @@ def test_a_body_that_bends_is_named_with_its_frequency(columns: tuple[int, int],
     found = study(load_case(tmp_path), sham=0, seed=0, progress=lambda text, share: None)
     assert found.winner is not None
     (told,) = found.winner.attachments  # at the driven end a part that a spring carries is the same
-    assert told.key in ("structural_mode state:w", "structural_mode state:w, carried"), told.key
+    same = ("state:w", "state:w, carried", "input:torque, all outputs")
+    assert told.key in [f"structural_mode {place}" for place in same], told.key
     frequency, deviation = found.winner.values[told.key]["frequency_hz"]
     assert frequency == pytest.approx(FREQUENCY, abs=3 * deviation)
     assert deviation < 0.02 * FREQUENCY
@@ -172,5 +173,7 @@ def test_what_is_late_by_less_than_a_quarter_of_a_row_is_no_finding() -> None:
         assert lateness(values) == pytest.approx(-np.angle(response) / slow, rel=1e-4)
         assert "sample" in later_than_a_reading(tau / 0.24)(values)
         assert later_than_a_reading(tau / 0.26)(values) == ""
+        assert "sample" in later_than_a_reading(tau / 0.59, "sensor_lag")(values)
+        assert later_than_a_reading(tau / 0.61, "sensor_second_order")(values) == ""
     assert later_than_a_reading(1.0)({"damping": 0.7}) == ""  # nothing is known of it
     assert later_than_a_reading(1.0)({"omega_rad_s": np.inf}) != ""

@@ -11,7 +11,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
-from aeolid.diagnose.hypotheses.parts.lateness import lateness
+from aeolid.diagnose.hypotheses.parts.lateness import lateness, most_of_a_reading
 from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
@@ -90,11 +90,11 @@ def late_ahead(candidates: Sequence[Candidate], named: Candidate, row_step: floa
     The way of taking samples can be that, and what bends to imitate it has no name: a filtered speed beside a position,
     0.09 rows apart, was named as a bending mode that fitted 120 nats worse. row_step: time of a row in s.
     """
-    limit = in_force().hypotheses.habit_rows * row_step
     ahead = [
         c for c in candidates
         if c.complete and not c.plausible and len(c.attachments) == 1 and leads(c, named)
-        and lateness({n: v for n, (v, _) in c.values[c.attachments[0].key].items()}) < limit
+        and lateness({n: v for n, (v, _) in c.values[c.attachments[0].key].items()})
+        < row_step * most_of_a_reading(c.attachments[0].entry)
     ]  # fmt: skip
     return max(ahead, key=lambda c: c.score, default=None)
 

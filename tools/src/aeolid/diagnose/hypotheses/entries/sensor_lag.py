@@ -73,7 +73,7 @@ def _on(site: Site, j: int, longest: float) -> Attachment:
         start_states=tuple(s.name for s in states), stepped=True, beside={tau: _AVERAGED * step},
         starts=({}, {tau: step}, {tau: 5 * step}, {tau: 20 * step}),
         equation=_EQUATION.format(name=name),
-        statement=partial(_statement, name), credible=later_than_a_reading(step),
+        statement=partial(_statement, name), credible=later_than_a_reading(step, "sensor_lag"),
     )  # fmt: skip
 
 

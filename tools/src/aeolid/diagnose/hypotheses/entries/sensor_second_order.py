@@ -77,7 +77,7 @@ def _on(site: Site, j: int, longest: float) -> Attachment:
         start_states=tuple(s.name for s in states), stepped=True, beside={inverse: _AVERAGED * step},
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
         equation=_EQUATION.format(name=name),
-        statement=partial(_statement, name), credible=later_than_a_reading(step),
+        statement=partial(_statement, name), credible=later_than_a_reading(step, "sensor_second_order"),
     )  # fmt: skip
 
 
