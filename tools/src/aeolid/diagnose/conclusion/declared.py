@@ -15,7 +15,7 @@ from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.selection.rivals import late_ahead, rivals_of
+from aeolid.diagnose.selection.rivals import late_ahead, late_by_a_reading, rivals_of
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.proof import Proof, is_adequate, is_material
 from aeolid.diagnose.validation.rotation import is_silent
@@ -80,6 +80,22 @@ def habit_ahead(study: Study) -> Candidate | None:
     elif is_within_reading(study.prepared, named):
         return named
     return late_ahead(study.candidates, named, row_s)
+
+
+def mostly_a_reading(study: Study) -> Candidate | None:
+    """Return the part of a row by which one channel is late, where that is most of what anything explains.
+
+    A tower's acceleration behind a filter against aliases, 0.3 rows late: 130 nats, where past inputs, outputs and all
+    found besides gain fewer; the complete model was `unnamed`. Not against a simulator's run.
+    """
+    if not study.candidates or study.prepared.surrogate is not None:
+        return None
+    late = late_by_a_reading(study.candidates, study.prepared.site.row_step)
+    best = max(late, key=lambda c: c.score, default=None)
+    if best is None or (study.winner is not None and best.score <= study.winner.score):
+        return None
+    needed = in_force().conclusion.reading_share * max(float(study.ceiling.select.sum()), 0.0)
+    return best if min(best.score, best.select_gain) > max(needed, in_force().evidence.clear_nats) else None
 
 
 def _is_reading(candidate: Candidate, row_s: float) -> bool:

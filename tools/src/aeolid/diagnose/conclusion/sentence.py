@@ -13,6 +13,7 @@ from aeolid.diagnose.conclusion.declared import (
     contradicted,
     form_speaking,
     habit_ahead,
+    mostly_a_reading,
     off_by_little,
 )
 from aeolid.diagnose.hypotheses.generic import unlisted
@@ -87,6 +88,9 @@ def _immaterial(study: Study) -> str:
     is_proven = study.winner is not None and proof is not None and proof.interval[0] > evidence.proven_nats
     by_values = refitted is not None and refitted.interval[0] > evidence.proven_nats and contradicted(study)
     slight = study.winner is not None and is_slight(study.second or study.winner)
+    if not by_values and (late := mostly_a_reading(study)) is not None:
+        said = late.says(late.attachments[0])
+        return f"A difference is there beyond doubt, which the way of taking samples can be: {said}."
     if by_values or study.winner is None:
         text = f"The structure is right, and {off_by_little(study)}"
         return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."

@@ -16,6 +16,7 @@ from aeolid.diagnose.conclusion.declared import (
     also_speaking,
     form_speaking,
     habit_ahead,
+    mostly_a_reading,
     on_values,
     parameter_effect,
 )
@@ -129,6 +130,8 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
         ):
             return _on_values(study) or ("immaterial", [], None)
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
+    if mostly_a_reading(study) is not None:
+        return _on_values(study) or ("immaterial", [], None)
     if _can_be_foretold(study) or is_outlived(study):
         return "unnamed", [], None
     if (found := _on_values(study)) is not None:

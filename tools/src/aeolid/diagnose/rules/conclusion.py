@@ -56,6 +56,11 @@ class ConclusionRules:
         "share",
         "part of a model-free correction that goes by past innovations, above which it is the colour of the noise",
     )
+    reading_share: float = rule(
+        0.5,
+        "share",
+        "part of a model-free gain that one channel's lateness within a row must have to be the answer",
+    )
     outlived_rate: float = rule(
         1.0,
         "nats a sample",

@@ -90,13 +90,18 @@ def late_ahead(candidates: Sequence[Candidate], named: Candidate, row_step: floa
     The way of taking samples can be that, and what bends to imitate it has no name: a filtered speed beside a position,
     0.09 rows apart, was named as a bending mode that fitted 120 nats worse. row_step: time of a row in s.
     """
-    ahead = [
+    ahead = [c for c in late_by_a_reading(candidates, row_step) if leads(c, named)]
+    return max(ahead, key=lambda c: c.score, default=None)
+
+
+def late_by_a_reading(candidates: Sequence[Candidate], row_step: float) -> list[Candidate]:
+    """Return those that say no more than that one channel is late by what the way of taking samples may be."""
+    return [
         c for c in candidates
-        if c.complete and not c.plausible and len(c.attachments) == 1 and leads(c, named)
+        if c.complete and not c.plausible and len(c.attachments) == 1
         and lateness({n: v for n, (v, _) in c.values[c.attachments[0].key].items()})
         < row_step * most_of_a_reading(c.attachments[0].entry)
     ]  # fmt: skip
-    return max(ahead, key=lambda c: c.score, default=None)
 
 
 def leads(ahead: Candidate, other: Candidate) -> bool:
