@@ -217,7 +217,7 @@ def test_the_told_size_of_a_late_sensor_is_that_of_its_mean(kind: str, a: float,
 def test_a_clock_offset_is_told_by_the_sign_of_the_catalogue() -> None:
     """An output logged late belongs to inputs that were stamped early, which counts as positive."""
     (entry,) = (e for e in ENTRIES if e.id == "data_time_offset")
-    assert entry.quantities[0].meaning.startswith("inputs stamped early by this much")
+    assert entry.quantities[0].meaning.startswith("delay of the outputs")
     for item in (i for i in singles() if i.what == "clock offset"):
         setup = item.put(Setup(PLANTS[item.plant], None, None), 1.0, 0)
         dt, every = 1e-3, 20_000

@@ -121,7 +121,7 @@ def least(attachment: Attachment, size: float) -> Attachment:
 @pytest.mark.slow
 def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     case = write_case(
-        tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4, samples=3000)
+        tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(85.0, 0.7), noise=0.4, samples=3000)
     )
     prepared = prepare(load_case(case))
     lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)

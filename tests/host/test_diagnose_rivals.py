@@ -100,7 +100,7 @@ def test_what_ends_as_the_effect_named_does_not_outdo_it(entry: str, label: str,
 
 @pytest.mark.parametrize(
     ("tau_s", "select_gain", "plausible", "takes"),
-    [(0.02, 45.0, False, True), (0.03, 45.0, False, False), (0.02, 15.0, False, False), (0.02, 45.0, True, False)],
+    [(0.02, 45.0, False, True), (0.07, 45.0, False, False), (0.02, 15.0, False, False), (0.02, 45.0, True, False)],
     ids=["a fifth of a row", "more than a habit", "not on selection data", "one that may be named itself"],
 )
 def test_a_channel_late_by_part_of_a_row_is_no_mode(
