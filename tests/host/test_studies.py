@@ -260,12 +260,18 @@ def test_third_author_nulls_are_complete(tmp_path, name):
         assert np.std(told[:, k] - clean) < 0.01 * min(noise, np.std(declared[:, k] - clean))
 
 
-def test_fourth_author_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
-    """Short recordings, lost rows, milliseconds, two effects, a recorded wave: each is read, as another seed is."""
+@pytest.mark.parametrize(
+    ("author", "words", "of_several", "recordings"),
+    [
+        ("fourth_author", ["rubber_cold", "monopile_sea", "null_boost", "null_drone", "web_draws"], "rubber_cold", 6),
+        ("fifth_author", ["air_spring", "pond_weir", "null_pole", "skid_bolt", "null_surge_tank"], "air_spring", 3),
+    ],
+)
+def test_later_authors_cases_are_written_as_the_diagnosis_reads_them(tmp_path, author, words, of_several, recordings):
+    """Several recordings, lost rows, milliseconds, linear models, two effects: each is read, as another seed is."""
     from aeolid.diagnose.data.case import load_case
 
-    study = load_study("fourth_author")
-    words = ["rubber_cold", "monopile_sea", "null_boost", "null_drone", "web_draws"]
+    study = load_study(author)
     for seed in ("0", "5"):
         assert study.main(["--only", *words, "--write-only", "--seed", seed, "--out", str(tmp_path)]) == 0
     cases = sorted(tmp_path.glob("seed_*/cases/*"))
@@ -274,24 +280,7 @@ def test_fourth_author_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
         loaded = load_case(case)
         read = [record.columns([o.name for o in loaded.baseline.outputs]) for record in loaded.records]
         assert all(np.isfinite(y).mean() > 0.98 for y in read)
-    assert len(list((tmp_path / "seed_0" / "cases" / "rubber_cold").glob("run*.csv"))) == 6
-
-
-def test_fifth_author_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
-    """Linear models, hours and milliseconds, several recordings: each is read, as another seed is."""
-    from aeolid.diagnose.data.case import load_case
-
-    study = load_study("fifth_author")
-    words = ["air_spring", "pond_weir", "null_pole", "skid_bolt", "null_surge_tank"]
-    for seed in ("0", "5"):
-        assert study.main(["--only", *words, "--write-only", "--seed", seed, "--out", str(tmp_path)]) == 0
-    cases = sorted(tmp_path.glob("seed_*/cases/*"))
-    assert len(cases) == 2 * len(words)
-    for case in cases:
-        loaded = load_case(case)
-        read = [record.columns([o.name for o in loaded.baseline.outputs]) for record in loaded.records]
-        assert all(np.isfinite(y).mean() > 0.98 for y in read)
-    assert len(list((tmp_path / "seed_0" / "cases" / "air_spring").glob("run*.csv"))) == 3
+    assert len(list((tmp_path / "seed_0" / "cases" / of_several).glob("run*.csv"))) == recordings
 
 
 def test_of_two_effects_with_one_value_name_the_one_that_is_asked_for_is_graded():
