@@ -19,7 +19,7 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.race import fit_rows, select_density
 from aeolid.diagnose.candidates.refit import refit
-from aeolid.diagnose.conclusion import declared, verdict
+from aeolid.diagnose.conclusion import declared, next_experiment, verdict
 from aeolid.diagnose.conclusion.declared import also_speaking
 from aeolid.diagnose.conclusion.sentence import sentence
 from aeolid.diagnose.data.case import load_case
@@ -141,7 +141,7 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     told = sentence(said, effects, study, study.proof)
     assert told.count("— or:") == 1 and told.count("; and ") == 1
     assert told.index("— or:") < told.index("; and ")
-    pair = verdict._undecided(study)
+    pair = next_experiment.undecided(study)
     assert pair is not None and set(pair[0]) == {"sensor_lag", "sensor_second_order"}
     small = [replace(c, attachments=(least(c.attachments[0], 1.0),)) for c in singles]
     assert len(exchanged(prepared, chosen, small)[1]) == 1

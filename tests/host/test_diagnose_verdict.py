@@ -11,7 +11,7 @@ import pytest
 
 from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.slight import is_slight, parts_that_matter, slight_parts
-from aeolid.diagnose.conclusion import declared, verdict
+from aeolid.diagnose.conclusion import declared, next_experiment, verdict
 from aeolid.diagnose.conclusion.declared import form_speaking, mostly_a_reading
 from aeolid.diagnose.conclusion.sentence import _slow, inputs_rest, sentence, untested
 from aeolid.diagnose.hypotheses.entries import data_time_offset
@@ -30,6 +30,7 @@ def decided(
     low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0,
     rotation: object = None, worse: bool = False, constant: bool = False, alone: float | None = None,
     high: float = 18.0, foretold_worse: float = 0.0, ceiling: object = None,
+    adequate: bool = False,
 ) -> tuple[str, list[str], str]:  # fmt: skip
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
@@ -59,7 +60,7 @@ def decided(
             fastest=3.0,
             sampling=SimpleNamespace(late_s=0.0, is_plain=False), site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
-        case=SimpleNamespace(records=()), foretold_worse=foretold_worse,
+        case=SimpleNamespace(records=()), foretold_worse=foretold_worse, adequate=adequate,
     )  # fmt: skip
     said, effects, shown = verdict._decide(study)
     return said, [e["id"] for e in effects], sentence(said, effects, study, shown)
@@ -92,6 +93,21 @@ def test_what_goes_by_past_innovations_is_the_colour_of_the_noise(
     """A drone in gusts that lacks nothing was `unnamed`, for 71 sealed nats of a correction by past innovations."""
     ceiling = SimpleNamespace(select=np.full(400, 0.2), sealed=np.full(400, 0.2), groups=groups)
     assert decided(-3.0, ceiling=ceiling)[0] == said
+
+
+@pytest.mark.parametrize(("adequate", "said"), [(False, "unnamed"), (True, "immaterial")])
+def test_nothing_is_missing_that_matters_where_the_model_predicts_as_well_as_any_need_be(
+    adequate: bool, said: str
+) -> None:
+    """Twenty geared motors, carts and pendulums with a thousandth of dry friction in them were `unnamed`.
+
+    An effect that is proven has its own question: whether it shows.
+    """
+    ceiling = SimpleNamespace(select=np.full(400, 0.2), sealed=np.full(400, 0.2), groups=(("past inputs", 0.6),))
+    verdict_, names, told = decided(-3.0, ceiling=ceiling, adequate=adequate)
+    assert (verdict_, names) == (said, [])
+    assert ("the model errs by no more than 2% of any output's spread" in told) is adequate
+    assert decided(2.1, adequate=adequate)[0] == "named"
 
 
 def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,6 +201,7 @@ def test_wrong_values_are_not_all_where_a_form_leads(
         rotation=None,
         shows_elsewhere=False,
         foretold_worse=0.0,
+        adequate=False,
         prepared=SimpleNamespace(linear=1),
     )
     monkeypatch.setattr(verdict, "is_material", lambda *anything: True)
@@ -470,7 +487,7 @@ def test_a_set_that_was_not_proven_does_not_speak_for_declared_values() -> None:
     study.case = SimpleNamespace(records=[SimpleNamespace(of=lambda role: [SimpleNamespace(name="push")])])
     study.prepared = SimpleNamespace(split=SimpleNamespace(sealed=[segment]))
     effects = [dict(e, location={"frequency_hz": None}) for e in effects]
-    told = verdict._next_experiment(study, "ambiguous", effects, declared_proof)
+    told = next_experiment.next_experiment(study, "ambiguous", effects, declared_proof)
     assert told is not None and "push" in told["text"] and told["separates"] == []
 
 

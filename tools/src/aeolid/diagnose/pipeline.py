@@ -40,6 +40,7 @@ from aeolid.diagnose.selection.first_effect import find_first, first_effect
 from aeolid.diagnose.selection.lasting import worsening
 from aeolid.diagnose.selection.rivals import outdone_by
 from aeolid.diagnose.selection.several import further_effects, what_is_left
+from aeolid.diagnose.validation.adequate import is_adequate_alone
 from aeolid.diagnose.validation.beyond import form_beyond
 from aeolid.diagnose.validation.in_turn import decided_in_turn
 from aeolid.diagnose.validation.proof import Proof, imitate, is_material, prove, seen_before
@@ -92,6 +93,7 @@ class Study:
     completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
     shows_elsewhere: bool = False  # what sealed data prove, and hardly show, is visible in the data of the fit
     foretold_worse: float = 0.0  # nats a sample that the bare model loses, at least, on all data but those of the fit
+    adequate: bool = False  # the bare model errs on all data, at any time ahead, by no more than a model's constants do
     constants: Alone | None = None  # a linear model's constant that alone explains much of what is named
     timing_s: dict[str, float] = field(default_factory=dict)
     deadline: Deadline = field(default_factory=unlimited)
@@ -148,9 +150,21 @@ def study(
     return Study(
         case, seed, findings, prepared, unsealed, bank, listed, held.single, held.several, others, held.proof,
         declared, declared_beside_constants(unsealed), top, bands, cells, equations, after_bank, runs, turned,
-        held.completed, _shows_elsewhere(prepared, unsealed, held, turned, seed), worsening(prepared, unsealed, seed),
-        _constants_alone(prepared, unsealed, held, candidates, seed), timing, deadline,
+        held.completed, *_what_shows(prepared, unsealed, held, turned, candidates, seed), timing, deadline,
     )  # fmt: skip
+
+
+def _what_shows(
+    prepared: Prepared, unsealed: Prepared, held: Held, turned: Rotation | None, candidates: Sequence[Candidate],
+    seed: int,
+) -> tuple[bool, float, bool, Alone | None]:  # fmt: skip
+    """Return how what was found, and what is missing, shows in predictions; in the order of the study's fields."""
+    return (
+        _shows_elsewhere(prepared, unsealed, held, turned, seed),
+        worsening(prepared, unsealed, seed),
+        is_adequate_alone(prepared, unsealed, seed),
+        _constants_alone(prepared, unsealed, held, candidates, seed),
+    )
 
 
 def _of_the_stage(case: Case, prepared: Prepared) -> tuple[Finding, ...]:

@@ -36,6 +36,7 @@ def fit_rows(prepared: Prepared, rows: Sequence[Row]) -> list[Candidate]:
     base_select = select_density(prepared) if rows else np.zeros(0)
     stages = [prepared.only([r.attachment]) for r in rows]
     begun = [b for b in (_begun(s, r) for s, r in zip(stages, rows, strict=True)) if b is not None]
+    begun = [_simulated_too(b, rows, max(o.gain for o in begun)) for b in begun]
     begun.sort(key=lambda b: -b.gain)
     found: list[Candidate] = []
     leader: Candidate | None = None
@@ -60,6 +61,20 @@ def _begun(stage: Prepared, row: Row) -> Begun | None:
         return None
     stage.deadline.doing(row.attachment.key)
     return begin(stage, stage.fit, [row])
+
+
+def _simulated_too(begun: Begun, rows: Sequence[Row], best: float) -> Begun:
+    """Return an effect with many optima begun from where the simulation leads, too, if it may come to lead.
+
+    The play of a gear, 204 nats one step ahead from the best of 24 starts, has 1,265 from there.
+    """
+    own = begun.attachments[0]
+    if not own.rugged or begun.gain < in_force().candidates.rugged_share * best:
+        return begun
+    if begun.prepared.deadline.skips(f"{own.key} from the simulation"):
+        return begun
+    row = next(r for r in rows if r.attachment.key == own.key)
+    return begin(begun.prepared, begun.base, [row], simulated=True) or begun
 
 
 def whispering(bank: Bank) -> list[Row]:

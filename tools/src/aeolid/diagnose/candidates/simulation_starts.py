@@ -20,6 +20,7 @@ _STILL = 1e-6  # process noise, in sizes of the states, with which a prediction 
 _SPREAD = 16  # values of the effects, spread over their ranges; a power of two, as the Sobol sequence wants
 _PASSES = 50_000  # samples times spread values: 16 on 3,000 samples, 1 on 50,000
 _BRIEF, _LONG, _KEPT = 6, 20, 3  # Gauss–Newton iterations from each value, and from the best of them
+_LIKELIEST = 8  # values that fits begin from of an effect that has a model of its own states, where each takes seconds
 
 
 def simulation_starts(prepared: Prepared, base: Fit, rows: Sequence[Row], free: Free) -> list[Point]:
@@ -28,7 +29,8 @@ def simulation_starts(prepared: Prepared, base: Fit, rows: Sequence[Row], free: 
     A threshold that is not reached has no slope, and process noise takes the place of what is missing, so that of 24
     one-step fits of two overflowing tanks, all begun near the truth, three ended at the best and the others 70 to 200
     nats short. The simulation error is fitted from values spread over the effects' ranges instead, the baseline's own
-    values as simulation without the effects has them. Nothing for a free gain, or where no process noise is free.
+    values as simulation without the effects has them. Nothing for a free gain, or where no process noise is free. Where
+    an effect is rugged, from the likeliest of these values only.
     """
     predictor, model = prepared.predictor, prepared.extended
     if base.point.K is not None or not free.noise:
@@ -36,7 +38,8 @@ def simulation_starts(prepared: Prepared, base: Fit, rows: Sequence[Row], free: 
     noise = base.point.noise.copy()
     noise[: len(base.point.x0[0])] = _STILL
     simulator, physics = predictor.with_order(0), replace(core(predictor, free), noise=())
-    starts = [replace(p, noise=noise) for group in starts_of(prepared, base, rows) for p in group]
+    groups = starts_of(prepared, base, rows)
+    starts = [replace(p, noise=noise) for p in {p.theta.tobytes(): p for group in groups for p in group}.values()]
     slots = [s for r in rows for s in r.attachment.slots if s.name not in r.attachment.fixed]
     places = [model.index(s.name) for s in slots]
     bare = replace(physics, theta=tuple(i for i in physics.theta if i not in places))
@@ -45,6 +48,8 @@ def simulation_starts(prepared: Prepared, base: Fit, rows: Sequence[Row], free: 
     if origin is not None:
         fixed = {model.index(n): v for r in rows for n, v in r.attachment.fixed.items()}
         starts += _spread(simulator, origin[1], fixed, places)
+    if any(r.attachment.rugged for r in rows):
+        starts = sorted(starts, key=simulator.objective)[:_LIKELIEST]
     brief = [f for p in starts if (f := simulator.climb(p, physics, iterations=_BRIEF))]
     kept = sorted(brief, key=_value)[:_KEPT]
     found = [f for _, p in kept if (f := simulator.climb(p, physics, iterations=_LONG))]

@@ -91,7 +91,7 @@ def _immaterial(study: Study) -> str:
     if not by_values and (late := mostly_a_reading(study)) is not None:
         said = late.says(late.attachments[0])
         return f"A difference is there beyond doubt, which the way of taking samples can be: {said}."
-    if by_values or study.winner is None:
+    if by_values or (study.winner is None and contradicted(study)):
         text = f"The structure is right, and {off_by_little(study)}"
         return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."
     if (late := habit_ahead(study)) is not None:
@@ -103,7 +103,10 @@ def _immaterial(study: Study) -> str:
         return f"A difference is there beyond doubt, but small: {said}{_nearest(study, ', and is most like this')}."
     if slight:
         return f"A difference is there beyond doubt, but small{_nearest(study)}."
-    return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
+    least = in_force().validation.adequate_spread_share
+    seen = f": the model errs by no more than {least:.0%} of any output's spread" if study.adequate else ""
+    nearest = _nearest(study, ", and is most like this") if seen else _nearest(study)
+    return f"A difference is there beyond doubt, but too small to show in any prediction{seen}{nearest}."
 
 
 def _significant(study: Study) -> str:

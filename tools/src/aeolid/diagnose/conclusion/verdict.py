@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,26 +13,25 @@ from aeolid.diagnose.candidates.simulated_share import is_static
 from aeolid.diagnose.candidates.slight import is_slight, parts_that_matter
 from aeolid.diagnose.conclusion.declared import (
     also_speaking,
-    form_speaking,
+    are_slight,
     habit_ahead,
     mostly_a_reading,
     on_values,
     parameter_effect,
 )
 from aeolid.diagnose.conclusion.excluded import not_excluded
+from aeolid.diagnose.conclusion.next_experiment import next_experiment, weighed
 from aeolid.diagnose.conclusion.sealed import recovered_fraction, sealed_part
 from aeolid.diagnose.conclusion.sentence import is_contradicted, is_outlived, sentence, speaks_in_turn, untested
 from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.experiments.closer import describe_closer, look_closer
-from aeolid.diagnose.experiments.experiment import advise, describe, menu_of, stretch_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.localise.detect import PAST_INNOVATIONS
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
+from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.proof import Proof, beyond, is_material
@@ -64,7 +62,7 @@ def diagnose(study: Study) -> dict[str, Any]:
             "threshold": finite(study.bank.threshold),
         },
         "not_excluded": not_excluded(study, {e["id"] for e in effects}),
-        "next_experiment": _next_experiment(study, verdict, effects, proof),
+        "next_experiment": next_experiment(study, verdict, effects, proof),
         "data_notes": [f.to_json() for f in study.findings if f.left_out],
     }
 
@@ -103,7 +101,22 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     if any(not f.left_out for f in fault):
         return "data_fault", [], None
     found = _decide_on_rest(study)
+    if found[0] == "unnamed" and study.adequate:
+        found = _without_what_nobody_sees(study, found)
     return ("data_fault", [], None) if fault and not found[1] else found
+
+
+def _without_what_nobody_sees(
+    study: Study, found: tuple[str, list[dict[str, Any]], Proof | None]
+) -> tuple[str, list[dict[str, Any]], Proof | None]:  # fmt: skip
+    """Return the answer where what is missing shows nowhere: what declared values are worth saying, or nothing.
+
+    Values that are off by more than usual may be the stand-ins of a form without a name: that stays open.
+    """
+    on_values_alone = _on_values(study)
+    if on_values_alone is None or (on_values_alone[0] == "unnamed" and are_slight(study)):
+        return "immaterial", [], None
+    return found if on_values_alone[0] == "unnamed" else on_values_alone
 
 
 def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
@@ -225,7 +238,7 @@ def _rival(attachment: Attachment, weight: float) -> dict[str, Any]:
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if study.second is not None:
         return _several(study, study.second)
-    rivals = _weighed(study, winner)
+    rivals = weighed(study, winner)
     listed = [_rival(c.attachments[0], w) for c, w in rivals]
     shown = study.completed or winner
     effects = [_effect(study, shown, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
@@ -234,12 +247,6 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
         return "ambiguous", effects
     return entry(winner.attachments[0].entry).verdict, effects
-
-
-def _weighed(study: Study, winner: Candidate) -> list[tuple[Candidate, float]]:
-    """Return who is not told apart from the winner, each with its weight."""
-    rivals = rivals_of(study.candidates, winner)
-    return list(zip(rivals, weights_of([winner, *rivals])[1:], strict=True))
 
 
 def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]]:
@@ -286,58 +293,3 @@ def _effect(
         "weight": weight,
         "sealed_gain_share": None if study.proof is None else recovered_fraction(study, study.proof),
     }
-
-
-def _next_experiment(
-    study: Study, verdict: str, effects: Sequence[Mapping[str, Any]], proof: Proof | None
-) -> dict[str, Any] | None:
-    inputs = study.case.records[0].of("input")
-    pair = _undecided(study) if verdict == "ambiguous" and proof is study.proof else None
-    if pair is not None:
-        ids, candidates = pair
-        first = ids[0]
-        hints = dict(entry(first).confused_with) | {k: v for k, v in entry(ids[1]).confused_with if k == first}
-        hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"
-        names = ids if ids[0] != ids[1] else [c.key for c in candidates]
-        return describe(advise(study.prepared, inputs, candidates, study.seed), names, hint)
-    if verdict in ("no_mismatch", "immaterial") or (verdict == "not_testable" and _moves(study)):
-        return describe_closer(look_closer(study.prepared, inputs, study.bank, study.seed))
-    if verdict in ("unnamed", "not_testable", "ambiguous"):
-        moved = " and ".join(c.name for c in inputs) or "every input"
-        where = effects[0]["location"] if effects else where_of(study, verdict)
-        band = (where or {}).get("frequency_hz")
-        text = (
-            f"Record again with steps added to {moved}"
-            + (f" that excite {band[0]:.3g} to {band[1]:.3g} Hz" if band else " from the slowest to the fastest motion")
-            + ", twice as large as what moves there now"
-            + (", and once more in another operating region: what is left over must follow one of them"
-               if verdict == "unnamed" else "")
-        )  # fmt: skip
-        form = form_speaking(study) if verdict == "unnamed" else None
-        if form is not None and form.attachments[-1].gain_states:
-            text = (
-                f"Record with {moved} held still: a force that nobody recorded goes on in its band. Then switch off"
-                " what may make it, one after the other, or record what it may follow"
-            )
-        sealed = study.prepared.split.sealed[0]
-        return {"text": text, "minutes": float(np.ceil(2 * len(sealed.y) * sealed.step / 60)), "separates": []}
-    return None
-
-
-def _moves(study: Study) -> bool:
-    """Tell whether some input moves, so that a test signal has a size to go by."""
-    return bool(menu_of(study.prepared, study.case.records[0].of("input"), stretch_of(study.prepared)))
-
-
-def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidate]] | None:
-    """Return two names of a proven effect that the data do not tell apart, and the candidates that bear them."""
-    if study.second is not None:
-        ids = {a.key: a.entry for a in parts_that_matter(study.second)}
-        other = next(a for a in study.alternatives if a.replaces in ids and a.attachment.entry != ids[a.replaces])
-        return (ids[other.replaces], other.attachment.entry), (study.second, other.candidate)
-    if study.winner is None:
-        return None
-    winner = study.winner
-    said = (c for c, w in _weighed(study, winner) if leaves_open(winner, c, w))
-    rival = next((c for c in said if is_other(c, winner)), None)
-    return None if rival is None else ((winner.attachments[0].entry, rival.attachments[0].entry), (winner, rival))

@@ -57,6 +57,12 @@ class CandidatesRules:
         "of a value on which the answer depends in jumps, how far around a fit it is looked for, and its square once "
         "more: 24 values over the range lie 19 % apart",
     )
+    rugged_share: float = rule(
+        0.3,
+        "share",
+        "part of the best brief fit's gain from which an effect with many optima is begun from the simulation, too",
+        "measured: a gear's play had 0.68 to 1.0 of it, one step ahead",
+    )
     jump_values: int = rule(129, "count", "values looked at over each of these spans")
     alike_cos2: float = rule(
         0.9, "cos²", "overlap from which two hypotheses must both be fitted: the score cannot tell them apart"

@@ -152,7 +152,8 @@ def _errs_more(measured: Array, runs: Sequence[list[Array]], seed: int) -> bool:
 
 def _profile(runs: Sequence[Forecast], measured: Array, names: list[str]) -> dict[str, dict[str, list[float]]]:
     """Return the normalised error k samples ahead, sampled at starts spread over the sealed data."""
-    steps = [k for k in _HORIZONS if k < len(measured) // 5]
+    longest = max(len(s.y) - s.burn for s in runs[0].predictor.segments)
+    steps = [k for k in _HORIZONS if k < min(len(measured) // 5, longest)]
     errors = [[errors_ahead(run, k) for k in steps] for run in runs]
     return {
         name: {

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.driven_through_play import driven_through_play
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, spread_of, unit_of_input
 
@@ -36,7 +37,7 @@ def _attach(site: Site) -> list[Attachment]:
                 statement=partial(_statement, name, unit),
             )
         )  # fmt: skip
-    return result
+    return result + driven_through_play(site)
 
 
 ENTRY = Entry(
@@ -45,8 +46,12 @@ ENTRY = Entry(
     name="backlash",
     equation="u_actual = min(max(u_actual, u - width/2), u + width/2)",
     source="Nordin and Gutman 2002, Automatica 38(10), Controlling mechanical systems with backlash; the play operator",
-    quantities=(Quantity("width", "unit of the input", 0.0, 1e9, 0.0, "full width of the play"),),
-    attaches_to="every input but measured disturbances",
+    quantities=(
+        Quantity("width", "unit of the input, or of the position", 0.0, 1e9, 0.0, "full width of the play"),
+        Quantity("share", "1", 0.02, 0.98, float("nan"), "part of the inertia behind the play, where a body has it"),
+    ),
+    attaches_to="every input but measured disturbances; beside turbines every body of first-principles equations that"
+    " an input moves: between its drive and what the outputs read",
     signature="after each reversal nothing happens until the play is taken up; a loop as wide at every rate",
     confused_with=(
         ("coulomb_friction", "loop area against amplitude: the loop of play keeps its width, friction acts on forces"),

@@ -113,6 +113,7 @@ class Attachment:
     its score at the null vanishes, fit it from finite steps whenever anything is found.
     shown: the recorded values themselves show its signature: fit it whatever the bank says, which takes what comes in a
     few bursts for chance (a sensor's range, reached in 3 of 100 samples: z = 11, where chance reached 14).
+    rugged: one step ahead its fit has many optima; where it is worth it, the fit starts from the simulation, too.
     share: name of a local slot that blends the effect in from 0 to 1 where its own parameters have no null to start
     from; its value is 1 when the effect is active (put it in `fixed`); grid is then ordered from mild to strong.
     noise_driven: noise alone may drive the states it brings, for their frequency band is known from elsewhere.
@@ -137,6 +138,7 @@ class Attachment:
     always_fit: bool = False
     stepped: bool = False
     shown: bool = False
+    rugged: bool = False
     share: str | None = None
     noise_driven: bool = False
     credible: Callable[[Mapping[str, float]], str] = lambda values: ""
