@@ -210,6 +210,11 @@ def test_wrong_values_are_not_all_where_a_form_leads(
     monkeypatch.setattr(declared, "also_speaking", lambda study: [])
     monkeypatch.setattr(verdict, "_declared", lambda study: ("parameter", []))
     assert verdict._decide(study)[0] == said
+    monkeypatch.setattr(verdict, "are_slight", lambda study: False)
+    study.adequate = True  # with its values the model predicts as well as any need be
+    assert verdict._decide(study)[0] == "parameter"
+    monkeypatch.setattr(verdict, "are_slight", lambda study: True)
+    assert verdict._decide(study)[0] == ("immaterial" if said == "unnamed" else "parameter")
 
 
 def with_values(*values: tuple[float, float], beside: float = 0.0) -> Any:

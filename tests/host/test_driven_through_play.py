@@ -73,7 +73,7 @@ def commands(samples: int) -> Array:
 
 def two_bodies(command: Array, step: float) -> Array:
     """Return angle and speed (N, 2) of the load, with the servo at the motor and what touches between the two."""
-    load, drive, contact = SHARE * INERTIA, (1 - SHARE) * INERTIA, 3.0 / STEP
+    load, drive, contact = SHARE * INERTIA, (1 - SHARE) * INERTIA, 2.5 / STEP
 
     def rates(t: float, z: Array, u: float) -> Array:
         q, v, p, w = z

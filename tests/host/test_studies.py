@@ -291,3 +291,22 @@ def test_of_two_effects_with_one_value_name_the_one_that_is_asked_for_is_graded(
     imbalance = ("mass_imbalance", "state:vs", {"force_N_cos": 674.0})
     for effects in ((shadow, imbalance), (imbalance, shadow)):
         assert study.grade(case, answer("multiple", *effects)) == "right"
+
+
+def test_geared_axes_without_play_are_the_rigid_axis():
+    """Behind teeth without a gap, 900 rad/s stiff, the load goes as the model's one body: to 1 % of its spread."""
+    study = load_study("geared_axes")
+    u = np.repeat([0.0, 0.4, -0.3, 0.1, 0.5], 60)
+    plant = {"J": 0.03, "k": 8.0, "d": 0.5}
+    y = study.turned(u, share=0.5, width=0.0, film=50.0, contact=900.0, loss=0.5, **plant)
+    fine = np.repeat(u, 50)
+    q = w = 0.0
+    rigid = []
+    for k, command in enumerate(fine):
+        if k % 50 == 0:
+            rigid.append((q, w))
+        w += study.STEP / 50 * (8.0 * (command - q) - 0.52 * w) / 0.03
+        q += study.STEP / 50 * w
+    assert np.all(np.abs(y - rigid).max(axis=0) < 0.01 * np.std(y, axis=0))
+    loose = study.turned(u, share=0.5, width=0.05, film=50.0, contact=900.0, loss=0.5, **plant)
+    assert np.all(np.abs(loose - rigid).max(axis=0) > 0.05 * np.std(y, axis=0))

@@ -102,21 +102,19 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         return "data_fault", [], None
     found = _decide_on_rest(study)
     if found[0] == "unnamed" and study.adequate:
-        found = _without_what_nobody_sees(study, found)
+        found = _without_what_nobody_sees(study)
     return ("data_fault", [], None) if fault and not found[1] else found
 
 
-def _without_what_nobody_sees(
-    study: Study, found: tuple[str, list[dict[str, Any]], Proof | None]
-) -> tuple[str, list[dict[str, Any]], Proof | None]:  # fmt: skip
+def _without_what_nobody_sees(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     """Return the answer where what is missing shows nowhere: what declared values are worth saying, or nothing.
 
-    Values that are off by more than usual may be the stand-ins of a form without a name: that stays open.
+    No form without a name stands for these then: with them the model is as right as any need be.
     """
-    on_values_alone = _on_values(study)
-    if on_values_alone is None or (on_values_alone[0] == "unnamed" and are_slight(study)):
-        return "immaterial", [], None
-    return found if on_values_alone[0] == "unnamed" else on_values_alone
+    values = _on_values(study)
+    if values is not None and values[0] == "unnamed":
+        values = None if are_slight(study) else (*_declared(study), study.declared_proof)
+    return values or ("immaterial", [], None)
 
 
 def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:

@@ -15,7 +15,7 @@ from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
 
-_CONTACT = 3.0  # rad a row, the frequency of a contact: beyond what rows show, yet no burden for the integration
+_CONTACT = 2.5  # rad a row, the frequency of a contact: near what rows show at most, stable in one step of integration
 _LOSS = 0.5  # of critical damping, of a contact: teeth hardly bounce
 _EDGE = 0.02  # of the width, over which the contact's damper comes in
 _DEFLECTIONS = 3.0  # of that contact under what moves the body, up to which it stands for a play
