@@ -54,17 +54,17 @@ def test_silent_forces_have_no_column_of_their_own(prepared: Prepared) -> None:
 
 
 def test_the_memory_of_a_silent_force_moves_no_score(prepared: Prepared, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From 80 s to a sample: z above 1 to 0.02, as a millionth of its size still moves residuals by 4e-4 deviations.
+    """From 80 s to a sample: z above 0 to 0.02, as a millionth of its size still moves residuals by 4e-4 deviations.
 
-    With its columns a stiffness that changes had 2.15 or 1.75. What free values absorb almost wholly (a
-    play, z 0.2 or 0.6) is told no better than that, and decides nothing.
+    With its columns a stiffness that changes had 2.15 or 1.75. Left out are effects that are rugged: here free values
+    absorb all but the share of a play's direction below which it says nothing, and rounding chooses the side.
     """
-    wanted = [a for a in prepared.hypotheses if a.entry != "unlisted"]
+    wanted = [a for a in prepared.hypotheses if a.entry != "unlisted" and not a.rugged]
 
     def moved() -> float:
         banks = [score_bank(forgetting(prepared, rate), wanted, 1) for rate in (0.0, 1.0)]
         slow, fast = ({r.attachment.key: r.z for r in bank.rows} for bank in banks)
-        return max(abs(slow[k] - fast[k]) for k in slow if max(slow[k], fast[k]) > 1)
+        return max(abs(slow[k] - fast[k]) for k in slow if max(slow[k], fast[k]) > 0)
 
     assert moved() < 0.02
     monkeypatch.setattr(directions, "audible", lambda model, fit: np.ones(fit.jacobian.shape[1], dtype=bool))
