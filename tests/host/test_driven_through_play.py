@@ -125,7 +125,7 @@ def test_no_play_is_looked_for_where_none_can_be(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("width", "told"), [(1e-4, False), (0.03, False), (0.3, True)])
 def test_a_play_that_a_contact_stands_for_is_none(width: float, told: bool, tmp_path: Path) -> None:
-    """A complete gear, its constants 3 % off, had a play of 0.05 mrad, or of 1.9 where it moves by 370; here by 3 rad."""
+    """A complete gear, its constants 3 % off, had a play of 1.9 mrad where it moves by 370; here it moves by 3 rad."""
     said = plays(motor(tmp_path))[0].credible({"width": width, "share": 0.5})
     assert (said == "") is told
 
