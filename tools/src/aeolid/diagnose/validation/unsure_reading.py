@@ -12,6 +12,7 @@ from aeolid.diagnose.data.intersample import Sampling, traits_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.hypotheses.parts.lateness import lateness
+from aeolid.models.intersample import FILTER, OFFSET
 
 _UNREAD = 1 / math.sqrt(3)  # rows: deviation from none of what lies evenly between a row early and a row late
 
@@ -39,14 +40,25 @@ def is_within_reading(prepared: Prepared, candidate: Candidate) -> bool:
     """Tell whether a candidate is nothing but a lateness of no more than the reading's own deviation.
 
     Not of twice that: a car's throttle acts 0.7 to 0.8 rows late, and nothing in its recording tells that from rows.
+    Where inputs were read early, the lateness takes back what was read too early, and both together decide: a
+    second-order drive at 0.4 of the rate was the logger's own filter, beside inputs that the fit had a row early.
     """
-    if not prepared.sampling.is_plain:
-        return False
-    most, outputs = _UNREAD * prepared.records[0].sample_time_s, len(prepared.declared.outputs)
-    told = ({n: v for n, (v, _) in candidate.values[a.key].items()} for a in candidate.attachments)
+    row_s, outputs = prepared.records[0].sample_time_s, len(prepared.declared.outputs)
+    told = [{n: v for n, (v, _) in candidate.values[a.key].items()} for a in candidate.attachments]
     late = _read_late(prepared)
-    alike = all(_may_be_the_reading(a, prepared.sampling, outputs, late) for a in candidate.attachments)
-    return alike and all(lateness(values) < most for values in told)
+    if not all(_may_be_the_reading(a, prepared.sampling, outputs, late) for a in candidate.attachments):
+        return False
+    rows = [lateness(values) / row_s for values in told]
+    return all(r < _UNREAD for r in rows) and _rows_read(prepared, candidate) + sum(rows) < _UNREAD
+
+
+def _rows_read(prepared: Prepared, candidate: Candidate) -> float:
+    """Return by how many rows outputs show their inputs late in all beside a candidate, as its own fit reads them."""
+    if prepared.sampling.is_plain:
+        return 0.0
+    model, theta = candidate.predictor.compiled.model, candidate.fit.point.theta
+    read_s = sum(theta[model.index(p.name)] for p in model.parameters if p.name in (OFFSET, FILTER))
+    return float(read_s) / prepared.records[0].sample_time_s
 
 
 def _read_late(prepared: Prepared) -> set[str]:
