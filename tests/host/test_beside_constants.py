@@ -94,16 +94,31 @@ def test_a_constant_that_is_a_little_off_comes_before_further_effects(
 ) -> None:
     """Beside a rope's friction a mass on a spring gained more than each of two frequencies 1.5 % off, and was named."""
     found = {"mode": single("structural_mode", 90.0), "frequency": constant(60.0, change)}
-    for c in found.values():
+    best = grown_with(monkeypatch, found)
+    assert best is not None and best.attachments[-1].entry == first
+
+
+@pytest.mark.parametrize(("sticks", "named"), [(True, "stiction"), (False, "coulomb_friction")])
+def test_another_of_a_family_is_added_where_the_best_has_values_that_cannot_be(
+    monkeypatch: pytest.MonkeyPatch, sticks: bool, named: str
+) -> None:
+    """Stiction that sticks by none of its friction scored 0.1 more than dry friction, and neither was added."""
+    friction = single("coulomb_friction", 60.0)
+    best = grown_with(monkeypatch, {"stiction": single("stiction", 61.0, plausible=sticks)}, {"dry": friction})
+    assert best is not None and best.attachments[-1].entry == named
+
+
+def grown_with(monkeypatch: pytest.MonkeyPatch, found: dict[str, Any], instead: dict[str, Any] | None = None) -> Any:
+    """Return the set that one more effect of those found grows a hardening spring to; instead: others of a family."""
+    every = {c.attachments[-1].key: c for c in (*found.values(), *(instead or {}).values())}
+    for c in every.values():
         c.attachments = (SPRING.attachments[0], *c.attachments)
         c.values, c.beyond, c.predictor, c.fit = {**SPRING.values, **c.values}, lambda w, c=c: c, None, None
     prepared: Any = SimpleNamespace(
         deadline=SimpleNamespace(skips=lambda what: False, doing=lambda what: None),
         only=lambda attachments: SimpleNamespace(extended=None, free=None, key=attachments[-1].key),
     )
-    monkeypatch.setattr(
-        several, "refit", lambda stage, *_, **__: found["frequency" if stage.key == "frequency" else "mode"]
-    )
+    monkeypatch.setattr(several, "refit", lambda stage, *_, **__: every[stage.key])
     for name, value in (("select_density", None), ("carry_point", None), ("as_rows", []), ("replace", None)):
         monkeypatch.setattr(several, name, lambda *_, value=value, **__: value)
     monkeypatch.setattr(several, "is_worth_a_name_beside", lambda *_: True)
@@ -113,6 +128,5 @@ def test_a_constant_that_is_a_little_off_comes_before_further_effects(
         attachments=SPRING.attachments, key="friction", fit=SimpleNamespace(point=None),
         predictor=SimpleNamespace(compiled=SimpleNamespace(model=None)),
     )  # fmt: skip
-    rows: Any = [SimpleNamespace(attachment=c.attachments[-1]) for c in found.values()]
-    best = several.grown(prepared, winner, rows, lambda fewer, more: True)
-    assert best is not None and best.attachments[-1].entry == first
+    rows, others = ([SimpleNamespace(attachment=c.attachments[-1]) for c in s.values()] for s in (found, instead or {}))
+    return several.grown(prepared, winner, rows, lambda fewer, more: True, instead=others)

@@ -228,6 +228,7 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
     """Not by chance alone, plausible, with a name, worth its parameters, and no value moves beside it; best first."""
     monkeypatch.setattr(declared, "explains_away", lambda c, usual: c.key != "beside")
     monkeypatch.setattr(declared, "are_slight", lambda study: False)
+    monkeypatch.setattr(declared, "is_within_reading", lambda *_: False)
 
     def row(key: str, z: float, chance: float = 0.001) -> Any:
         return SimpleNamespace(
@@ -249,7 +250,7 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
     study: Any = SimpleNamespace(
         candidates=candidates,
         bank=bank,
-        prepared=SimpleNamespace(sampling=SimpleNamespace(is_plain=False)),
+        prepared=None,
         winner=None,
         proof=None,
         rotation=None,

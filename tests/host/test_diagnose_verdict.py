@@ -280,10 +280,10 @@ def test_rows_of_a_run_and_of_a_recording_are_each_other_s_up_to_a_row_and_a_thi
     entry: str, label: str, value: float, run: bool, reading: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(declared, "late_ahead", lambda *_: None)
+    monkeypatch.setattr(declared, "is_within_reading", lambda *_: False)
     attachment = SimpleNamespace(entry=entry, key=entry)
     named = SimpleNamespace(attachments=(attachment,), values={entry: {label: (value, 0.001)}})
-    sampling = SimpleNamespace(is_plain=False)
-    stage = SimpleNamespace(surrogate="a run" if run else None, site=SimpleNamespace(row_step=0.02), sampling=sampling)
+    stage = SimpleNamespace(surrogate="a run" if run else None, site=SimpleNamespace(row_step=0.02))
     study: Any = SimpleNamespace(prepared=stage, winner=named, second=None, candidates=())
     assert (declared.habit_ahead(study) is named) is reading
 
@@ -304,6 +304,7 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.setattr(declared, "are_slight", lambda study: False)
+    monkeypatch.setattr(declared, "is_within_reading", lambda *_: False)
     attachment = SimpleNamespace(entry="missing_coupling", key="missing_coupling Q2")
     leader = SimpleNamespace(
         key=attachment.key, attachments=(attachment,), plausible=True, unlisted=False, fit_gain=32.0, score=31.0,
@@ -316,7 +317,7 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     study: Any = SimpleNamespace(
         winner=leader, proof=proof, candidates=(leader,), bank=bank,
         rotation=SimpleNamespace(agrees=agrees, gain=folds),
-        prepared=SimpleNamespace(linear=1, sampling=SimpleNamespace(is_plain=False)),
+        prepared=SimpleNamespace(linear=1),
         declared_proof=SimpleNamespace(nrmse_after={"T1": 0.9, "T2": 0.01}),
     )  # fmt: skip
     monkeypatch.setattr(declared, "whispering", lambda bank: [])

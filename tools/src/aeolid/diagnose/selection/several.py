@@ -136,13 +136,14 @@ def one_more(
     them has many imitators (beside a joint's friction two frequencies 1.5 % off were a mass on a spring).
     """
     bank = what_is_left(prepared, winner, seed)
-    best = {entry(r.attachment.entry).family: r for r in reversed(bank.loud) if not r.attachment.is_switch}
+    sizes = [r for r in bank.loud if not r.attachment.is_switch]
+    best = {entry(r.attachment.entry).family: r for r in reversed(sizes)}
     rows = sorted(best.values(), key=lambda r: -r.z)[:_TRIED]
     rows += [r for r in bank.loud if r.attachment.entry == "parameter_error" and r not in rows][:1]
     zones = [r for r in zones_of(bank) if r not in rows and r.testable]
     rows += [r for r in zones if r.z > in_force().selection.half_limit_share * bank.limit(r)][:1]
     near = _nearly_as_good(prepared, winner, [c for c in rivals if all(c.key != r.attachment.key for r in rows)])
-    larger = grown(prepared, winner, rows, adds, near)
+    larger = grown(prepared, winner, rows, adds, near, [r for r in sizes if r not in rows])
     return (larger if larger is not None and _stands_beside_a_form(prepared, winner, larger, seed) else None), bank
 
 
@@ -184,29 +185,43 @@ def _nearly_as_good(prepared: Prepared, winner: Candidate, rivals: Sequence[Cand
 
 def grown(
     prepared: Prepared, winner: Candidate, rows: Sequence[Row], helps: Callable[[Candidate, Candidate], bool],
-    near: Sequence[Row] = (),
+    near: Sequence[Row] = (), instead: Sequence[Row] = (),
 ) -> Candidate | None:  # fmt: skip
     """Fit each beside the set; returns the best larger set that helps, counted from the bare model.
 
-    near: further rows, that start from the simulation error, too.
+    near: further rows, that start from the simulation error, too. instead: rows of which the best of a family is fitted
+    where another of that family has values that cannot be (stiction that sticks by none of its friction, ahead of dry
+    friction by 0.1: neither was added, and a drive that rings had a dead time's name without it).
     """
-    base_select, small = select_density(prepared), winner.predictor.compiled.model
     found: list[Candidate] = []
     for row in (*rows, *near):
-        if prepared.deadline.skips(f"{row.attachment.key} beside {winner.key}"):
-            break
-        prepared.deadline.doing(f"{row.attachment.key} beside {winner.key}")
-        both = prepared.only((*winner.attachments, row.attachment))
-        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free, jumps=())
-        larger = refit(both, base, [*as_rows(winner), row], base_select, simulated=row in near)
-        if larger is None:
+        larger = _with_row(prepared, winner, row, instead, simulated=row in near)
+        if larger is None or not is_worth_a_name_beside(larger, larger.attachments[-1]):
             continue
-        if larger.plausible and is_worth_a_name_beside(larger, row.attachment) and helps(winner, larger):
+        if helps(winner, larger):
             found.append(larger)
     while (best := leading([c for c in found if is_slight_beside(c)] or found)) is not None:
         if survives_control(prepared, best):  # by what it gains beyond the smaller set: that is at stake
             return best.beyond(winner)
         found.remove(best)
+    return None
+
+
+def _with_row(
+    prepared: Prepared, winner: Candidate, row: Row, instead: Sequence[Row], simulated: bool
+) -> Candidate | None:
+    """Fit one more beside the set, from where that stands, or another of its family; None where no values can be."""
+    small, family = winner.predictor.compiled.model, entry(row.attachment.entry).family
+    kin = [r for r in instead if entry(r.attachment.entry).family == family]
+    for tried in (row, *kin[:1]):
+        if prepared.deadline.skips(f"{tried.attachment.key} beside {winner.key}"):
+            return None
+        prepared.deadline.doing(f"{tried.attachment.key} beside {winner.key}")
+        both = prepared.only((*winner.attachments, tried.attachment))
+        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free, jumps=())
+        larger = refit(both, base, [*as_rows(winner), tried], select_density(prepared), simulated=simulated)
+        if larger is not None and larger.plausible:
+            return larger
     return None
 
 

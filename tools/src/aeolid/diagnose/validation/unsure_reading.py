@@ -43,22 +43,22 @@ def is_within_reading(prepared: Prepared, candidate: Candidate) -> bool:
     Where inputs were read early, the lateness takes back what was read too early, and both together decide: a
     second-order drive at 0.4 of the rate was the logger's own filter, beside inputs that the fit had a row early.
     """
-    row_s, outputs = prepared.records[0].sample_time_s, len(prepared.declared.outputs)
-    told = [{n: v for n, (v, _) in candidate.values[a.key].items()} for a in candidate.attachments]
+    if any(entry(a.entry).family not in ("input_lag", "sensor_dynamics") for a in candidate.attachments):
+        return False
+    most, outputs = _UNREAD * prepared.records[0].sample_time_s, len(prepared.declared.outputs)
     late = _read_late(prepared)
     if not all(_may_be_the_reading(a, prepared.sampling, outputs, late) for a in candidate.attachments):
         return False
-    rows = [lateness(values) / row_s for values in told]
-    return all(r < _UNREAD for r in rows) and _rows_read(prepared, candidate) + sum(rows) < _UNREAD
+    told = [lateness({n: v for n, (v, _) in candidate.values[a.key].items()}) for a in candidate.attachments]
+    return all(own < most for own in told) and _read_late_s(prepared, candidate) + sum(told) < most
 
 
-def _rows_read(prepared: Prepared, candidate: Candidate) -> float:
-    """Return by how many rows outputs show their inputs late in all beside a candidate, as its own fit reads them."""
+def _read_late_s(prepared: Prepared, candidate: Candidate) -> float:
+    """Return by how much outputs show their inputs late in all beside a candidate, as its own fit reads them, in s."""
     if prepared.sampling.is_plain:
         return 0.0
     model, theta = candidate.predictor.compiled.model, candidate.fit.point.theta
-    read_s = sum(theta[model.index(p.name)] for p in model.parameters if p.name in (OFFSET, FILTER))
-    return float(read_s) / prepared.records[0].sample_time_s
+    return float(sum(theta[model.index(p.name)] for p in model.parameters if p.name in (OFFSET, FILTER)))
 
 
 def _read_late(prepared: Prepared) -> set[str]:
