@@ -359,6 +359,7 @@ def test_an_end_that_the_fitted_data_do_not_reach_stays_where_it_is_seen() -> No
         site = replace(site_of("equations"), rails=({}, seen))
         (attachment,) = entry("sensor_saturation").attach(site)
         assert {k: v for k, v in attachment.fixed.items() if not k.startswith("sensor_rail_share")} == held
+        assert f" or above {2 * high:.4g} " in attachment.statement({"low": low}) or not held
 
 
 def test_effects_attach_where_they_make_sense() -> None:

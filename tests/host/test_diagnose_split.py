@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from aeolid.diagnose.data.forensics import examine, rails
+from aeolid.diagnose.data.forensics import examine
+from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.resample import factor_for
 from aeolid.diagnose.data.split import Split, segments_of, split_records
 from aeolid.errors import NotIdentifiable
@@ -243,14 +244,14 @@ def clipped(seed: int, *, step: float = 0.0, end: float = 2.6) -> Array:
 def test_a_few_samples_at_the_very_same_extreme_are_a_rail() -> None:
     """A limit that takes 0.1 to 1 % of the samples, never five in a row: values of nine digits do not repeat.
 
-    Where values come in wide steps they do, and there half a per cent it must be; nor is a swing that nothing cuts a
-    rail.
+    Where values come in wide steps they do, and there half a per cent it must be of one end alone; nor is a swing that
+    nothing cuts a rail.
     """
     for seed in range(20):
         x = clipped(seed)
         often = {s: int(np.sum(x == end)) for s, end in (("low", x.min()), ("high", x.max()))}
         assert rails(x) == {s: 2.6 if s == "high" else -2.6 for s, n in often.items() if n >= 3}, often
-        coarse = clipped(seed, step=0.1)
+        coarse = np.minimum(clipped(seed, step=0.1, end=np.inf), 2.6)
         assert all(np.sum(coarse == end) > 0.005 * len(x) for end in rails(coarse).values()), often
         assert rails(clipped(seed, step=0.1, end=np.inf)) == {}
         assert rails(np.random.default_rng(seed).standard_normal(3000)) == {}
@@ -283,3 +284,20 @@ def test_a_channel_that_ends_early_is_named(missing: int, told: str) -> None:
     made = Record(STEP * np.arange(900), table, (*CHANNELS, Channel("z", "m", "output")), STEP, "a.csv", "")
     with pytest.raises(NotIdentifiable, match=f"sealed part: the {told} is missing in 2.. of its 2.. rows"):
         split_records([made], ["u"], ["y", "z"], 2.0)
+
+
+def test_extremes_that_are_the_same_but_for_their_signs_are_a_range() -> None:
+    """Cut some three times at either end, of 12 bits: no end alone is told from a swing's tail, both together are."""
+    found = lone = 0
+    for seed in range(40):
+        whole = clipped(seed, end=np.inf)
+        step = float(np.ptp(whole)) / 4096
+        size = np.sort(np.abs(whole))
+        coarse = step * np.rint(whole / step)
+        cut = np.clip(coarse, *(step * np.rint(size[-8] / step) * np.array([-1, 1])))
+        often = [int(np.sum(cut == end)) for end in (cut.min(), cut.max())]
+        if min(often) >= 3:
+            found, lone = found + 1, lone + (len(rails(cut)) == 2)
+        assert len(rails(np.minimum(coarse, cut.max()))) < 2, "the other end is nothing"
+        assert rails(coarse) == {}
+    assert found >= 10 and lone == found

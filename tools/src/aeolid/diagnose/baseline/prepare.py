@@ -21,8 +21,8 @@ from aeolid.diagnose.baseline.ridges import values_to_hold, with_held
 from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.exogenous import Exogenous, exogenous_channels, with_exogenous
-from aeolid.diagnose.data.forensics import rails
 from aeolid.diagnose.data.intersample import Sampling, declared_sampling, with_sampling
+from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.resample import factor_for
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.data.split import Split, split_records

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import poisson
 
 from aeolid.diagnose.data.folded import folded_of
 from aeolid.diagnose.data.held import discretise
+from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.standing import Baseline, stretches_of, words
 from aeolid.diagnose.data.strays import codes_of, dropouts_of, strays_of
 from aeolid.diagnose.rules import in_force
@@ -24,10 +24,8 @@ from aeolid.wording import counted
 Array = NDArray[np.float64]
 SWAPPED = "swapped"  # the check of two outputs under each other's name
 _SAME = "sample by sample the same as"
-_BESIDE = 3  # levels next to an extreme
 _CHANGES = 20  # of which a pace is estimated
 _DIGITS = 1e-4  # of the spread: what the digits that files are written with may leave between two channels
-_ROUNDING = 1e-9  # of the range: values nearer than this differ by the rounding of numbers
 RATIOS: tuple[tuple[float, str], ...] = (
     (180 / np.pi, "degrees to a radian"),
     (30 / np.pi, "rpm to a rad/s"),
@@ -136,11 +134,6 @@ def _channel(channel: Channel, values: Array, source: str, alone: bool) -> list[
     return found
 
 
-def _longest_run(v: Array) -> int:
-    edges = np.flatnonzero(np.concatenate([[True], np.diff(v) != 0, [True]]))
-    return int(np.max(np.diff(edges)))
-
-
 def _rails(v: Array, where: str) -> list[Finding]:
     rules, found = in_force().data, []
     words = {"high": "highest", "low": "lowest"}
@@ -152,48 +145,6 @@ def _rails(v: Array, where: str) -> list[Finding]:
             text = f"{share:.1%} of the samples sit about {rail:.4g}, near the {words[side]} value {end:.4g}"
         found.append(Finding("rail", where, text, "warning"))
     return found
-
-
-def rails(v: Array) -> dict[str, float]:
-    """Return the ends of the range ("low", "high") at which values pile up: exactly, or far more than next to them.
-
-    Where hardly any value comes twice, the same extreme a few times over is no chance, however short each time was; of
-    coarse values, where it is reached far more often than the levels next to it are (a speed that a sensor of 12 bits
-    cut 20 times in 6,000 samples, 142 nats, had been told to be as it should).
-    """
-    rules = in_force().data
-    found: dict[str, float] = {}
-    apart = np.diff(np.unique(v))
-    if not len(apart):  # what never changes has no range
-        return found
-    spacing = float(apart[apart > _ROUNDING * np.ptp(v)].min())
-    fine = len(np.unique(v)) > rules.fine_share * len(v)
-    for side, rail in (("low", float(v.min())), ("high", float(v.max()))):
-        at = v == rail
-        runs = _longest_run(np.where(at, 0.0, np.arange(1, len(v) + 1)))
-        often = float(np.mean(at)) > rules.rail_share and runs >= rules.rail_run
-        if often or (fine and int(at.sum()) >= rules.fine_repeats) or _is_crowded(v, rail, spacing):
-            found[side] = rail
-            continue
-        depth = np.abs(v - rail) / np.ptp(v)
-        width = rules.pile_width
-        pile, next_to_it = float(np.mean(depth < 2 * width)), float(np.mean((depth > 3 * width) & (depth < 9 * width)))
-        if pile > rules.pile_share and pile > next_to_it:
-            found[side] = float(np.median(v[depth < 2 * width]))
-    return found
-
-
-def _is_crowded(v: Array, rail: float, spacing: float) -> bool:
-    """Tell whether an extreme is reached more often than chance has it, given how often the next levels are.
-
-    The extreme of a sine of v (N,) is reached as often as the next three levels together, so many are expected. Each
-    time counts once, however long it lasts, and once from each value: what is periodic comes there the same way.
-    """
-    levels = np.abs(v - rail) / spacing
-    arrives = (levels[1:] < 0.5) & (levels[:-1] >= 0.5)
-    visits = len(np.unique(np.round(levels[:-1][arrives])))
-    beside = int(np.sum((levels > 0.5) & (levels < _BESIDE + 0.5)))
-    return float(poisson.sf(visits - 1, beside + 0.5)) < in_force().data.crowded_chance
 
 
 def _held(v: Array, where: str) -> list[Finding]:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.data.forensics import rails
+from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, is_continuous, unit_of_output, with_reading
 from aeolid.diagnose.rules import in_force
@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 _REACH = 0.05  # of the recorded range: how far a limit may lie from the rail that is seen
 
 
-def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
+def _statement(name: str, unit: str, held: Mapping[str, float], values: Mapping[str, float]) -> str:
+    """Say both ends of the range; held: by label, those that other data than the fitted show."""
+    v = {**held, **values}
     ends = [f"{'above' if k == 'high' else 'below'} {v[k]:.4g} {unit}".rstrip() for k in ("low", "high") if k in v]
     return f"the {name} sensor shows nothing {' or '.join(ends)}: it is at the end of its range"
 
@@ -59,6 +61,7 @@ def _on(site: Site, j: int, name: str, ends: Mapping[str, float], y: Array) -> A
         clipped, outside = f"min({clipped}, {limits['high']})", [*outside, f"sign(reading - {limits['high']})"]
     held = {limits[side]: rail for side, rail in ends.items() if out_of_reach[side]}
     fixed = {share: 1.0} | (held if len(held) < len(ends) else {})  # of what is reached nowhere nothing is known
+    seen = {side: rail for side, rail in ends.items() if limits[side] in fixed}
     parameters = (*(Parameter(s.name, s.null, unit, s.low, s.high) for s in slots), Parameter(share, 0.0, "", 0.0, 1.0))
 
     def edit(model: Equations) -> Equations:
@@ -70,7 +73,7 @@ def _on(site: Site, j: int, name: str, ends: Mapping[str, float], y: Array) -> A
         (*slots, Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
         shown=True, fixed=fixed, grid=({limits[side]: rail for side, rail in ends.items()},), share=share,
         equation=f"{name}_recorded = min(max({name}, low), high)",
-        statement=partial(_statement, name, unit),
+        statement=partial(_statement, name, unit, seen),
     )  # fmt: skip
 
 
