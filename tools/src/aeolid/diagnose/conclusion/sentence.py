@@ -103,7 +103,7 @@ def _immaterial(study: Study) -> str:
         return f"A difference is there beyond doubt, but small: {said}{_nearest(study, ', and is most like this')}."
     if slight:
         return f"A difference is there beyond doubt, but small{_nearest(study)}."
-    least = in_force().validation.adequate_spread_share
+    least = in_force().validation.unseen_spread_share
     seen = f": the model errs by no more than {least:.0%} of any output's spread" if study.adequate else ""
     nearest = _nearest(study, ", and is most like this") if seen else _nearest(study)
     return f"A difference is there beyond doubt, but too small to show in any prediction{seen}{nearest}."

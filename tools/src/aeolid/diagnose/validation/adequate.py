@@ -33,4 +33,4 @@ def largest_error(proof: Proof, static: bool) -> float:
 
 
 def _most() -> float:
-    return in_force().validation.adequate_spread_share
+    return in_force().validation.unseen_spread_share
