@@ -72,6 +72,17 @@ def test_values_that_trade_are_judged_together(gain: float, refused: bool) -> No
     assert "does not differ from none" in objection([essential], fit, model, gain, 2)
 
 
+@pytest.mark.parametrize(("std", "refused"), [(1.9, True), (0.2, True), (0.1, False)])
+def test_an_effect_without_its_essential_value_is_another(std: float, refused: bool) -> None:
+    """A play 0.26 +- 1.3 rad wide, 904 nats where a drive's lag had 635, was that lag: its film drew the load along.
+
+    Its width has no null of its own and is no local value, but it is what makes it a play.
+    """
+    width = Slot("width", "width", "rad", 0.03, 0.0, 3.0, 0.01, local=False)
+    fit, model = fitted((width,), (0.26,), (std,))
+    assert bool(objection([effect(width, essential=("width",))], fit, model, 900.0, 5)) is refused
+
+
 @pytest.mark.parametrize(("stds", "refused"), [((60.0, 1.2), True), ((5.0, 1.2), True), ((60.0, 0.02), False)])
 def test_a_loop_of_which_is_not_known_where_it_yields_is_a_spring(stds: tuple[float, float], refused: bool) -> None:
     """A frequency 1.5 % off beside a friction was a loop of 46 ± 60 rad/s² that yields over 0.71 ± 1.2 rad.
