@@ -28,8 +28,8 @@ class ValidationRules:
     unseen_spread_share: float = rule(
         0.03,
         "share",
-        "error, of the output's own spread, at any horizon and on all data, up to which what has no name is not said to "
-        "be missing",
+        "error, of the output's own spread, at any horizon and on all data, up to which what has no name is not said "
+        "to be missing",
         "measured: of 47 unnamed answers 14 complete models leave up to 0.023, the others 0.049 and more, all effects "
         "0.157 and more",
     )
