@@ -362,6 +362,17 @@ def test_an_end_that_the_fitted_data_do_not_reach_stays_where_it_is_seen() -> No
         assert f" or above {2 * high:.4g} " in attachment.statement({"low": low}) or not held
 
 
+@pytest.mark.parametrize("name", ["sensor_lag", "sensor_second_order"])
+def test_every_form_of_a_slow_sensor_is_later_than_what_a_logger_filters(name: str) -> None:
+    """An accelerometer 0.51 rows late was refused as the reading, and named in the form that has states."""
+    site = site_of("equations")
+    late = {"tau_s": 0.5 * site.row_step, "omega_rad_s": 1.4 / (0.5 * site.row_step), "damping": 0.7}
+    for a in entry(name).attach(site):
+        told = {s.label: late[s.label] for s in a.slots if s.label in late}
+        assert "sample" in a.credible(told) and a.beside, a.key
+        assert a.credible({k: v / 3 if k == "omega_rad_s" else 3 * v for k, v in told.items()}) == ""
+
+
 def test_effects_attach_where_they_make_sense() -> None:
     site = site_of("equations")
     assert keys(site, "sensor_saturation", "sensor_quantisation") == [

@@ -14,11 +14,13 @@ from small_cases import SWING_STEP, swinging
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import moved_in
-from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.candidates.race import fit_rows, select_density
+from aeolid.diagnose.candidates.refit import refit
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
+from aeolid.diagnose.selection.several import _fitted_without, without_the_needless
 from aeolid.diagnose.validation.unsure_constants import beside_unsure_constants, declared_beside_constants
 from aeolid.diagnose.validation.unsure_reading import beside_unsure_reading, is_within_reading
 from aeolid.models.intersample import OFFSET
@@ -54,6 +56,33 @@ def test_a_deviation_is_that_of_a_joint_fit_and_of_how_far_it_lies(tmp_path: Pat
     assert stays == value and wide > narrow
     np.testing.assert_allclose(wide, np.hypot(deviation, value - joint), rtol=0.1)
     assert abs(value - 60.0) < 2 * wide
+
+
+@pytest.mark.parametrize("hard", [0.0, 60.0])
+def test_a_wrong_constant_goes_with_its_value(tmp_path: Path, hard: float) -> None:
+    """Left out of a set, it is as declared again; carried over, it was right and therefore called needless.
+
+    A car's inertia, 24 % low, and the filter of an accelerometer: the filter alone was named, with 271 sealed nats.
+    """
+    folder = swinging(tmp_path, hard=hard)
+    model = folder / "model.toml"
+    model.write_text(model.read_text().replace(MASS, MASS.replace("1.0", "0.8")))
+    stage = prepare(load_case(folder))
+    wanted = [next(a for a in stage.hypotheses if a.key == key) for key in ("parameter_error m", KEY)]
+    rows = score_bank(stage, wanted, 1).rows
+    rows = [next(r for r in rows if r.attachment is a) for a in wanted]
+    both = stage.only(wanted)
+    full = refit(both, both.fit, rows, select_density(stage))
+    assert full is not None and told_of(full, "parameter_error m", "m")[0] == pytest.approx(1.0, rel=0.02)
+    assert without_the_needless(stage, full) is full
+    alone = _fitted_without(stage, full, wanted[0])
+    assert alone is not None and alone.fit.log_posterior < full.fit.log_posterior - 50
+    kept = alone.predictor.compiled.model
+    assert alone.fit.point.theta[kept.index("m")] == 0.8
+
+
+def told_of(candidate: Candidate, key: str, label: str) -> tuple[float, float]:
+    return candidate.values[key][label]
 
 
 def test_nothing_is_added_where_every_constant_is_free(tmp_path: Path) -> None:

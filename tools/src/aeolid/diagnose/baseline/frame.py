@@ -137,6 +137,17 @@ def carry_point(point: Point, source: Equations, target: Equations) -> Point:
     return Point(theta, noise, K, tuple(np.concatenate([_moved(x[:n], rows), blank]) for x in point.x0))
 
 
+def put_back(point: Point, model: Equations, names: Mapping[str, float]) -> Point:
+    """Return a point with parameters of the model, by name, at these values; names that it lacks are left out.
+
+    A wrong constant is the model's own parameter and stays in it when the effect goes: carried over, it was right.
+    """
+    theta = point.theta.copy()
+    for i, p in enumerate(model.parameters):
+        theta[i] = names.get(p.name, theta[i])
+    return replace(point, theta=theta)
+
+
 def carry_free(free: Free, source: Equations, target: Equations) -> Free:
     """Return a free set of one extended model as that of another; what the target lacks is left out."""
     place = {p.name: i for i, p in enumerate(target.parameters)}

@@ -263,7 +263,8 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
         effects.append(_effect(study, shown, attachment, rivals, weights[0]))
     if any(a.attachment.entry != ids[a.replaces] for a in instead):
         return "ambiguous", effects + [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
-    return "multiple" if len(effects) > 1 else entry(effects[0]["id"]).verdict, effects
+    kinds = {entry(e["id"]).verdict for e in effects}
+    return "multiple" if len(effects) > 1 and kinds != {"parameter"} else entry(effects[0]["id"]).verdict, effects
 
 
 def _effect(

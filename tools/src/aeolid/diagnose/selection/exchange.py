@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from aeolid.diagnose.baseline.frame import carry_point
+from aeolid.diagnose.baseline.frame import carry_point, put_back
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import is_accepted, select_density
@@ -79,7 +79,8 @@ def _others(attachment: Attachment, chosen: Candidate, singles: Sequence[Candida
 def _with(prepared: Prepared, chosen: Candidate, gone: Attachment, single: Candidate) -> Candidate | None:
     """Fit the set with one effect in another's place; gains over the bare baseline."""
     stage = prepared.only(tuple(single.attachments[0] if a.key == gone.key else a for a in chosen.attachments))
-    point = carry_point(chosen.fit.point, chosen.predictor.compiled.model, stage.extended)
+    carried = carry_point(chosen.fit.point, chosen.predictor.compiled.model, stage.extended)
+    point = put_back(carried, stage.extended, {s.name: s.null for s in gone.slots})
     (new,) = as_rows(single)
     rows = [new if r.attachment.key == gone.key else r for r in as_rows(chosen)]
     base = replace(chosen.fit, point=point, free=stage.free, jumps=())

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aeolid.diagnose.baseline.frame import carry_fit, carry_point
+from aeolid.diagnose.baseline.frame import carry_fit, carry_point, put_back
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
@@ -246,7 +246,8 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
 def _fitted_without(prepared: Prepared, full: Candidate, left_out: Attachment) -> Candidate | None:
     """Fit a set without one of its effects, from where it ended; gains count from the set's own fit."""
     stage = prepared.only(tuple(a for a in full.attachments if a is not left_out))
-    point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
+    carried = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
+    point = put_back(carried, stage.extended, {s.name: s.null for s in left_out.slots})
     rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
     start = replace(full.fit, point=point, free=stage.free, jumps=())
     return refit(stage, start, rows, select_density(prepared))

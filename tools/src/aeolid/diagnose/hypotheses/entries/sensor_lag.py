@@ -35,11 +35,12 @@ def _slow(site: Site, j: int, longest: float) -> Attachment:
     name, tau, row = site.output_names[j], f"sensor_slow_{j + 1}_tau", site.row_step
     slot = Slot(tau, "tau_s", "s", AT_NULL * row, SHORTEST * row, longest, row, local=False)
     grid = tuple({tau: n * row} for n in _ROWS if n * row < longest)
-    return following(
+    found = following(
         site, j, f"sensor_slow_{j + 1}", Filter(tau, None, (slot,), grid, ({}, *grid)), entry="sensor_lag",
         key=f"sensor_lag output:{name}, in states", where=location(f"output:{name}", outputs=(name,)),
         equation=_EQUATION.format(name=name), statement=partial(_statement, name),
     )  # fmt: skip
+    return replace(found, beside={tau: _AVERAGED * row}, credible=later_than_a_reading(row, "sensor_lag"))
 
 
 def _on(site: Site, j: int, longest: float) -> Attachment:

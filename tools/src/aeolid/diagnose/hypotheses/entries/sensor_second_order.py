@@ -50,11 +50,12 @@ def _slow(site: Site, j: int, longest: float) -> Attachment:
     )
     grid = tuple({inverse: n * row, zeta: 0.7} for n in _ROWS if n * row < longest)
     starts = tuple({inverse: p * row, zeta: z} for p, z in _STARTS)
-    return following(
+    found = following(
         site, j, tag, Filter(inverse, zeta, slots, grid, ({}, *starts)), entry="sensor_second_order",
         key=f"sensor_second_order output:{name}, in states", where=location(f"output:{name}", outputs=(name,)),
         equation=_EQUATION.format(name=name), statement=partial(_statement, name),
     )  # fmt: skip
+    return replace(found, beside={inverse: _AVERAGED * row}, credible=later_than_a_reading(row, "sensor_second_order"))
 
 
 def _on(site: Site, j: int, longest: float) -> Attachment:
