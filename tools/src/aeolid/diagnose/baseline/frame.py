@@ -137,14 +137,16 @@ def carry_point(point: Point, source: Equations, target: Equations) -> Point:
     return Point(theta, noise, K, tuple(np.concatenate([_moved(x[:n], rows), blank]) for x in point.x0))
 
 
-def put_back(point: Point, model: Equations, names: Mapping[str, float]) -> Point:
-    """Return a point with parameters of the model, by name, at these values; names that it lacks are left out.
+def put_back(point: Point, model: Equations, gone: Attachment, kept: Sequence[Attachment]) -> Point:
+    """Return a point of the model with the values of an effect that goes at their nulls, unless others have them, too.
 
     A wrong constant is the model's own parameter and stays in it when the effect goes: carried over, it was right.
     """
+    shared = {s.name for a in kept for s in a.slots}
+    nulls = {s.name: s.null for s in gone.slots if s.name not in shared}
     theta = point.theta.copy()
     for i, p in enumerate(model.parameters):
-        theta[i] = names.get(p.name, theta[i])
+        theta[i] = nulls.get(p.name, theta[i])
     return replace(point, theta=theta)
 
 

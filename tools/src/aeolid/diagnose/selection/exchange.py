@@ -78,9 +78,10 @@ def _others(attachment: Attachment, chosen: Candidate, singles: Sequence[Candida
 
 def _with(prepared: Prepared, chosen: Candidate, gone: Attachment, single: Candidate) -> Candidate | None:
     """Fit the set with one effect in another's place; gains over the bare baseline."""
-    stage = prepared.only(tuple(single.attachments[0] if a.key == gone.key else a for a in chosen.attachments))
+    kept = tuple(single.attachments[0] if a.key == gone.key else a for a in chosen.attachments)
+    stage = prepared.only(kept)
     carried = carry_point(chosen.fit.point, chosen.predictor.compiled.model, stage.extended)
-    point = put_back(carried, stage.extended, {s.name: s.null for s in gone.slots})
+    point = put_back(carried, stage.extended, gone, kept)
     (new,) = as_rows(single)
     rows = [new if r.attachment.key == gone.key else r for r in as_rows(chosen)]
     base = replace(chosen.fit, point=point, free=stage.free, jumps=())

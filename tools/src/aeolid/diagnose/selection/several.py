@@ -245,9 +245,10 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
 
 def _fitted_without(prepared: Prepared, full: Candidate, left_out: Attachment) -> Candidate | None:
     """Fit a set without one of its effects, from where it ended; gains count from the set's own fit."""
-    stage = prepared.only(tuple(a for a in full.attachments if a is not left_out))
+    kept = tuple(a for a in full.attachments if a is not left_out)
+    stage = prepared.only(kept)
     carried = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
-    point = put_back(carried, stage.extended, {s.name: s.null for s in left_out.slots})
+    point = put_back(carried, stage.extended, left_out, kept)
     rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
     start = replace(full.fit, point=point, free=stage.free, jumps=())
     return refit(stage, start, rows, select_density(prepared))
