@@ -83,6 +83,7 @@ def _springs() -> list[Effect]:
         Effect("arm", modes, "joint that bends", {}, "frequency_hz", free_frequency, flags=rigid, fixed=True),
         _sized("cable", "clearance backlash", "play at the hook", "gap", 0.004, "half_gap"),
         Effect("cable", ("clearance", "quadratic_stiffness"), "cable that slackens", {"slack": 1.0}, fixed=True),
+        Effect("masses", ("gravity_1p",), "load out of balance", {"uneven": 0.006}),
         _sized("masses", "clearance", "play in the coupling", "gap", 0.01, "half_gap"),
         Effect("masses", modes, "shaft that twists", {}, "frequency_hz", free_frequency, flags=rigid, fixed=True),
     ]  # fmt: skip
@@ -110,4 +111,4 @@ def _forces() -> list[Effect]:
 
 def outside() -> list[Effect]:
     """List effects that the catalogue has no name for on a rig."""
-    return [Effect("masses", (), "load out of balance", {"uneven": 0.006})]
+    return [Effect("masses", (), "inertia that grows with the speed", {"loose": 0.2})]

@@ -1,7 +1,8 @@
 """Six rigs of the foreign engine that move freely, and what a control engineer would write of each: no effect in it.
 
 Every rig is a text in the engine's language, made from constants by name. Those of an effect are zero where it is not
-there: dry (friction), drag, cubic (spring), gap (half the play), slack, stop, lag, late, most (command), clip (sensor).
+there: dry (friction), drag, cubic (spring), gap (half the play), slack, stop, lag, late, most (command), clip (sensor),
+uneven (kg m of a load), loose (kg of a load's part).
 """
 
 from __future__ import annotations
@@ -15,8 +16,11 @@ from aeolid.challenge.models import Row, model_text
 from aeolid.challenge.plants import Column
 
 Values = Mapping[str, float]
-EFFECTS = ("dry", "drag", "cubic", "gap", "slack", "stop", "lag", "late", "most", "clip", "swing", "uneven")
+EFFECTS = ("dry", "drag", "cubic", "gap", "slack", "stop", "lag", "late", "most", "clip", "swing", "uneven",
+           "loose")  # fmt: skip
 WIDE = (0.2, 5.0)
+_LUMP = 0.2  # kg, of a load out of balance
+_RADIUS, _AT_SPEED = 0.1, 12.0  # m, rad/s: where a loose part rests, and the speed that its spring cannot hold
 
 
 @dataclass(frozen=True)
@@ -184,7 +188,14 @@ def _masses(rig: Rig, v: Values) -> str:
     """Motor and load with a shaft between them."""
     bodies = body(joint("motor", "hinge", "0 0 1", damping=v["b"], armature=v["motor"]), 1e-7)
     turning = joint("load", "hinge", "0 1 0", damping=v["c"], dry=v["dry"], drag=v["drag"])
-    bodies += body(turning, v["inertia"], mass=0.2 if v["uneven"] else 0.001, low=v["uneven"] / 0.2)
+    inertia, inner = v["inertia"] - v["uneven"] ** 2 / _LUMP, ""  # the lump's own is in the rig's
+    if v["loose"]:  # a part of the load slides outwards on a spring as the load turns faster, as in a governor
+        inertia -= v["loose"] * _RADIUS**2
+        held, loss = v["loose"] * _AT_SPEED**2, 0.6 * v["loose"] * _AT_SPEED
+        slides = joint("part", "slide", "0 0 1", stiffness=held, damping=loss)
+        inner = body(slides, 1e-7, mass=v["loose"], low=_RADIUS)
+    lump, low = (_LUMP, v["uneven"] / _LUMP) if v["uneven"] else (0.001, 0.0)
+    bodies += body(turning, inertia, mass=lump, low=low, inner=inner)
     shaft = spring("shaft", {"motor": 1.0, "load": -1.0}, stiffness=v["k"], damping=v["d"],
                    low=-v["gap"] - 1e-12, high=v["gap"])  # fmt: skip
     seen = sensor("jointvel", "motor", v["clip"]) + sensor("jointvel", "load")
@@ -252,7 +263,8 @@ MASSES = Rig(
     _masses_model, Column("torque", "N m", "input"),
     (Column("motor_speed", "rad/s", "output", 0.02), Column("load_speed", "rad/s", "output", 0.02)), 0.8, 30, 0.01,
     ("b", "c", "k", "d"), (("twist", "rad"), ("motor_speed", "rad/s"), ("load_speed", "rad/s")),
-    start=lambda v: (0.0, 0.0), weak=0.002, project=((1.0, -1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
+    start=lambda v: (0.0,) * (3 if v["loose"] else 2), weak=0.002,
+    project=((1.0, -1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
 )  # fmt: skip
 RIGS = {r.name: r for r in (GEARS, PENDULUM, CART, ARM, CABLE, MASSES)}
 

@@ -30,7 +30,7 @@ from aeolid.inputs import read_bounded
 from aeolid.text_files import MOST_JSON, load_json, parse_json
 
 ANSWERS, SEAL = "answers.json.gz", "seal.json"
-VERSION = 7  # of the generator: the same seed makes the same bytes within one version
+VERSION = 8  # of the generator: the same seed makes the same bytes within one version
 Notice = Callable[[int, int], None]
 Facts = dict[str, Any]
 Plan = Iterator[tuple[Callable[[Path], None], Callable[[], Facts]]]  # what writes a case, and what tells its answer

@@ -13,6 +13,8 @@ from aeolid.diagnose.baseline.recorded_wind import SHARE, by_readings
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.conclusion.verdict import shown_proof
 from aeolid.diagnose.data.exogenous import with_exogenous, without_unused
+from aeolid.diagnose.data.shaft_angle import ROLE as SHAFT_ANGLE
+from aeolid.diagnose.data.shaft_angle import by_own_angles
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.diagnose.pipeline import Study
@@ -135,4 +137,5 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
     )
     states = tuple(replace(s, initial=start[s.name]) for s in model.states)
     model = replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states).pruned()
+    model = by_own_angles(model, [(c.name, c.symbol) for c in prepared.exogenous if c.role == SHAFT_ANGLE])
     return without_unused(model, prepared.exogenous)

@@ -68,6 +68,11 @@ def _unnamed(study: Study) -> str:
                 " left out in turn, but as estimated on all data but the sealed ones it foretells these worse than the"
                 " model does."
             )
+        if study.rotation.proves and study.proof is not None and study.proof.worse:
+            return (
+                f"Something is missing: {found} gains {study.rotation.gain:.0f} nats on the parts of the data that were"
+                " left out in turn, but over the settling time it foretells the sealed ones worse than the model does."
+            )
         if speaks_in_turn(study):
             return (
                 "Something is missing: chosen anew without each part of the data, effects gain"

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.data.shaft_angle import ROLE as SHAFT_ANGLE
 from aeolid.models.equations import TIME, Equations
 from aeolid.models.model_file import Signal
 from aeolid.record import Channel, Record
 
-ROLES = ("input", "disturbance", "scheduling", "azimuth")
+ROLES = ("input", "disturbance", "scheduling", "azimuth", SHAFT_ANGLE)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from scipy.special import chdtrc
 
 from aeolid.diagnose.baseline.prepare import Prepared
+from aeolid.diagnose.data.shaft_angle import ROLE as SHAFT_ANGLE
 from aeolid.diagnose.localise.cells import Cell
 from aeolid.diagnose.predictor.noise import touched
 from aeolid.diagnose.rules import in_force
@@ -33,7 +34,8 @@ def evidence_paths(prepared: Prepared) -> list[Facts]:
     Channels: the inputs, and what the model has no use for (time and rotor angle aside), eight at most.
     """
     predictor, fit, site = prepared.predictor, prepared.fit, prepared.site
-    names = [*site.input_names, *(c.name for c in site.exogenous if c.role not in ("time", "azimuth"))][:_MOST_CHANNELS]
+    others = [c.name for c in site.exogenous if c.role not in ("time", "azimuth", SHAFT_ANGLE)]
+    names = [*site.input_names, *others][:_MOST_CHANNELS]
     places = [[s.name for s in prepared.extended.inputs].index(n) for n in names]
     outputs = [o.name for o in prepared.extended.outputs]
     white = fit.residual.reshape(-1, len(outputs)).copy()

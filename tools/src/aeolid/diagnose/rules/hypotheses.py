@@ -53,6 +53,9 @@ class HypothesesRules:
     wave_rotor_distance: float = rule(
         0.07, "share", "relative distance to the rotor's speed within which a band may be the rotor's"
     )
+    least_arc_rad: float = rule(
+        2.0, "rad", "arc that a shaft must turn for weight on it to be more than a spring and a constant force"
+    )
     curve_knots_apart: float = rule(
         0.02,
         "share",

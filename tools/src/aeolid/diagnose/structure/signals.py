@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from aeolid.decompositions import lstsq, pinv
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.data.shaft_angle import ROLE as SHAFT_ANGLE
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion, base_unit
 from aeolid.models import expressions as ex
@@ -140,8 +141,11 @@ def _channels(
     """Return the recorded channels that move, as the rows of y see them."""
     own = [(s.name, s.unit, symbol) for s, symbol in zip(model.inputs, model.symbols, strict=True)]
     own += [(c.name, c.unit, c.symbol) for c in exogenous]
+    computed = {c.name for c in exogenous if c.role == SHAFT_ANGLE}
     found = []
     for i, (name, unit, symbol) in enumerate(own):
+        if name in computed:
+            continue
         values = tuple(s.u[:: s.stride, i][: len(s.y)] for s in segments)
         whole = np.concatenate(values)
         if name != TIME and np.all(np.isfinite(whole)) and np.std(whole) > 0:

@@ -1,16 +1,16 @@
-"""Weight that turns with the rotor: an unbalanced rotor's on the shaft, a blade's own in its edgewise moment."""
+"""Weight that turns with a rotor: out of balance on the shaft, a blade's own in its edgewise moment."""
 
 from __future__ import annotations
 
 from aeolid.diagnose.data.machine import is_turbine
-from aeolid.diagnose.hypotheses.parts import rotor
+from aeolid.diagnose.hypotheses.parts import rotor, shafts
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
     if not is_turbine(site.context):
-        return []
+        return shafts.out_of_balance(site, "gravity_1p")
     edge = rotor.blade_outputs(site, "edge")
     if edge:
         return rotor.on_blades(
@@ -42,7 +42,8 @@ ENTRY = Entry(
         Quantity("torque_N_m_cos", "N m", -1e7, 1e7, 0.0, "torque of the weight on the shaft, cos part"),
         Quantity("torque_N_m_sin", "N m", -1e7, 1e7, 0.0, "sin part"),
     ),
-    attaches_to="edgewise blade outputs, else the rotor's speed, of a wind turbine whose rotor angle is recorded",
+    attaches_to="edgewise blade outputs, else the rotor's speed, of a wind turbine whose rotor angle is recorded;"
+    " shafts of other machines whose angle or, in a single recording, speed is recorded",
     signature="a line at the rotor's speed, locked to the angle, of the same size at every wind and speed",
     confused_with=(
         ("mass_imbalance", "the side-side motion: the force of a mass grows with the speed squared"),
