@@ -597,5 +597,7 @@ def test_a_rate_limit_may_act_within_a_sample() -> None:
     slot = next(s for s in a.slots if s.label == "rate_per_s")
     fastest = float(np.quantile(np.abs(np.diff(site.u[:, 0])) / STEP, 0.999))
     assert slot.high > 10 * fastest and max(g[slot.name] for g in a.grid) > 3 * fastest
+    assert a.credible({"rate_per_s": 3 * fastest}) == ""
+    assert "0.071 samples late" in a.credible({"rate_per_s": 7 * fastest})
     ramp = KINDS["rate_limit"].rule(np.array([0.0, 1.0, 1.0]), np.array([3.0 / STEP, 1.0]), STEP, WHOLE)
     np.testing.assert_allclose(ramp, [0.0, 1.0 - 1 / 6, 1.0])  # the mean of a ramp that takes a third of the sample

@@ -53,6 +53,13 @@ class HypothesesRules:
     wave_rotor_distance: float = rule(
         0.07, "share", "relative distance to the rotor's speed within which a band may be the rotor's"
     )
+    ramp_rows: float = rule(
+        0.1,
+        "rows",
+        "delay of the fastest recorded steps from which a limit of the rate is believed; less is the sampling's",
+        "a motor without a limit, told as one of 0.07 rows beside wrong values; limits that were there 1.5 rows and "
+        "more, once 0.17",
+    )
     least_arc_rad: float = rule(
         2.0, "rad", "arc that a shaft must turn for weight on it to be more than a spring and a constant force"
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, spread_of, unit_of_input
+from aeolid.diagnose.rules import in_force
 
 _GRID, _STARTS = 5, 14
 _FASTEST, _WITHIN = 20.0, (6.0, 2.0)  # of the fastest recorded rate: steps are then ramps within a sample
@@ -18,6 +20,21 @@ _SLOWEST = 200.0  # of the fastest recorded rate: below that the drive would sta
 
 def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
     return f"{name} cannot move faster than {v['rate_per_s']:.3g} {unit}; the model follows the command at once"
+
+
+def _late_enough(fastest: float) -> Callable[[Mapping[str, float]], str]:
+    """Return what objects to a limit that hardly delays the fastest recorded steps; fastest: 1/s.
+
+    Steps of one row are ramps then that end within it, in the mean fastest/(2 rate) rows late.
+    """
+
+    def credible(values: Mapping[str, float]) -> str:
+        rows = fastest / (2 * values["rate_per_s"])
+        if rows >= in_force().hypotheses.ramp_rows:
+            return ""
+        return f"its fastest steps come {rows:.2g} samples late, less than what the sampling alone can cause"
+
+    return credible
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -36,13 +53,12 @@ def _on(site: Site, i: int) -> list[Attachment]:
     quick = [{rate: share * fastest} for share in _WITHIN]
     grid = [*quick, *({rate: float(r)} for r in np.geomspace(0.9 * fastest, slowest, _GRID))]
     starts = [*quick, *({rate: float(r)} for r in np.geomspace(0.95 * fastest, slowest, _STARTS))]
-    return [
-        blended_filter(
-            site, i, "rate_limit", (slot,), entry="rate_limit", grid=grid, starts=({}, *starts),
-            equation=f"|d({name}_actual)/dt| <= rate_per_s",
-            statement=partial(_statement, name, unit),
-        )
-    ]  # fmt: skip
+    limit = blended_filter(
+        site, i, "rate_limit", (slot,), entry="rate_limit", grid=grid, starts=({}, *starts),
+        equation=f"|d({name}_actual)/dt| <= rate_per_s",
+        statement=partial(_statement, name, unit),
+    )  # fmt: skip
+    return [replace(limit, credible=_late_enough(fastest))]
 
 
 ENTRY = Entry(
