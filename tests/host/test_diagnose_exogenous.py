@@ -74,6 +74,17 @@ def test_a_lost_row_takes_no_effect_of_the_rotor_away(tmp_path: Path) -> None:
     assert {"tower_shadow", "mass_imbalance", "gravity_1p"} <= asked
 
 
+def test_a_recorded_speed_tells_the_angle_up_to_where_it_began(tmp_path: Path) -> None:
+    """Imbalances are lines of any phase; what asks for the blade that is up is not asked without an azimuth."""
+    trial = next(t for t in rig.trials() if t.kind == "equations")
+    asked = {}
+    for roles in ((("azimuth", "azimuth"),), ()):
+        folder = rig.write_case(tmp_path / str(len(roles)), replace(trial, roles=roles), 1200, 3)
+        asked[len(roles)] = {a.entry for a in prepare(load_case(folder)).hypotheses}
+    assert {"tower_shadow", "mass_imbalance", "aero_imbalance", "gravity_1p", "rotational_sampling"} <= asked[0]
+    assert asked[0] == asked[1]
+
+
 def hostile() -> Record:
     """Return a recording with channels whose names are letters to a reader, but no identifiers of equations."""
     names = ("temp_m²", "µ temp", "a b", "a_b")

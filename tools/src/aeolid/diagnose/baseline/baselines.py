@@ -13,6 +13,7 @@ from aeolid.diagnose.data.case import MOST_STATES, Case
 from aeolid.diagnose.data.exogenous import with_time
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.data.rotor_frame import blade_sets, to_fixed_frame, worth_rate
+from aeolid.diagnose.data.shaft_angle import with_shaft_angles
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.structure.baseline import equations_of
 from aeolid.errors import DataError
@@ -60,13 +61,15 @@ def baseline_of(case: Case, deadline: Deadline | None = None) -> Baseline:
         return _of_run(replace(case, same_inputs=False), sample_fmu(case.baseline, case.records[0]), deadline)
     records = tuple(with_time(r) for r in case.records)
     if isinstance(case.baseline, Equations):
-        return Baseline(case.baseline, None, None, records, len(case.baseline.inputs))
+        turned = with_shaft_angles(records, case.baseline)
+        return Baseline(case.baseline, None, None, turned, len(case.baseline.inputs))
     linear = discretise(case.baseline, case.records[0].sample_time_s)
     if linear.order > MOST_STATES:
         raise DataError(
             f"{case.baseline_file}: {linear.order} states; reduce the model to at most {MOST_STATES} for a diagnosis"
         )
-    return Baseline(equations_of(linear, shaped_noise=True), linear, None, records, len(linear.inputs))
+    equations = equations_of(linear, shaped_noise=True)
+    return Baseline(equations, linear, None, with_shaft_angles(records, equations), len(linear.inputs))
 
 
 def _rate(run: Record) -> int:

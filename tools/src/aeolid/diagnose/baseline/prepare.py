@@ -22,11 +22,9 @@ from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.data.intersample import Sampling, declared_sampling, with_sampling
-from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.resample import factor_for
 from aeolid.diagnose.data.segments import Segment
-from aeolid.diagnose.data.shaft_angle import with_shaft_angles
 from aeolid.diagnose.data.split import Split, split_records
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES
@@ -128,7 +126,7 @@ def prepare(
     """
     deadline = deadline or unlimited()
     base = baseline_of(case, deadline)
-    records, step = _with_computed(base, case), base.records[0].sample_time_s
+    records, step = with_smoothed_wind(base.records, base.equations), base.records[0].sample_time_s
     sampling = sampling or declared_sampling(records, _acting(base))
     declared, linear = with_sampling(base.equations, sampling, step), base.linear
     compiled = compile_equations(declared)
@@ -166,12 +164,6 @@ def prepare(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
         base.run, site, tuple(records), sampling, fastest,
     )  # fmt: skip
-
-
-def _with_computed(base: Baseline, case: Case) -> Sequence[Record]:
-    """Return the recordings with what can be computed from their channels: a smoothed wind, angles of shafts."""
-    records = with_smoothed_wind(base.records, base.equations)
-    return records if is_turbine(case.context) else with_shaft_angles(records, base.equations)
 
 
 def _factor(fastest: float, model: Equations, records: Sequence[Record], most: int | None) -> int:

@@ -87,7 +87,7 @@ ENTRY = Entry(
         Quantity("force_N_sin", "N", -1e6, 1e6, 0.0, "sin part"),
         Quantity("side_over_fore_aft", "1", -_MOST, _MOST, 0.0, "in-plane force on side-side over that on fore-aft"),
     ),
-    attaches_to="tower fore-aft (and side-side, in equations) of a wind turbine whose rotor angle is recorded",
+    attaches_to="tower fore-aft (and side-side, in equations) of a wind turbine with a recorded rotor angle or speed",
     signature="a line at the rotor's speed in the fore-aft motion, locked to the angle, growing with the wind squared",
     confused_with=(
         ("mass_imbalance", "the fore-aft motion: a pitched blade shakes it once a turn, a mass does not"),

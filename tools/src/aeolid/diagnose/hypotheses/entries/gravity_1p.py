@@ -42,8 +42,8 @@ ENTRY = Entry(
         Quantity("torque_N_m_cos", "N m", -1e7, 1e7, 0.0, "torque of the weight on the shaft, cos part"),
         Quantity("torque_N_m_sin", "N m", -1e7, 1e7, 0.0, "sin part"),
     ),
-    attaches_to="edgewise blade outputs, else the rotor's speed, of a wind turbine whose rotor angle is recorded;"
-    " shafts of other machines whose angle or, in a single recording, speed is recorded",
+    attaches_to="edgewise blade outputs, else the rotor's speed, of a wind turbine with a recorded rotor angle or speed"
+    " (that in a single recording); shafts of other machines of which the same holds",
     signature="a line at the rotor's speed, locked to the angle, of the same size at every wind and speed",
     confused_with=(
         ("mass_imbalance", "the side-side motion: the force of a mass grows with the speed squared"),

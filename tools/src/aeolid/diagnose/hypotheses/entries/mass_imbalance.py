@@ -39,7 +39,7 @@ ENTRY = Entry(
         Quantity("static_moment_cos", "kg m", -1e5, 1e5, 0.0, "static moment m_r, part in phase with cos(azimuth)"),
         Quantity("static_moment_sin", "kg m", -1e5, 1e5, 0.0, "part in phase with sin(azimuth)"),
     ),
-    attaches_to="tower side-side of a wind turbine whose rotor angle is recorded (without it: a line among the noise)",
+    attaches_to="tower side-side of a wind turbine with a recorded rotor angle or speed",
     signature="one line at the rotor's speed in the side-side motion, locked to the angle, nothing in thrust",
     confused_with=(
         ("aero_imbalance", "the fore-aft motion: a pitched blade shakes it once a turn, a mass does not"),

@@ -45,8 +45,8 @@ ENTRY = Entry(
     equation="F = a(t)*cos(blades*azimuth) + b(t)*sin(blades*azimuth), a and b wander",
     source="Kristensen and Frandsen 1982, J. Wind Eng. Ind. Aerodyn. 10; Burton et al., Wind Energy Handbook",
     quantities=(Quantity("relative_width", "1", 0.0, band.WIDEST, 0.0, "half width of the band over its frequency"),),
-    attaches_to="the model's wind, else fore-aft or rotor speed, of a wind turbine whose rotor angle is recorded; band"
-    f" narrower than {band.WIDEST:g} of its frequency",
+    attaches_to="the model's wind, else fore-aft or rotor speed, of a wind turbine with a recorded rotor angle or"
+    f" speed; band narrower than {band.WIDEST:g} of its frequency",
     signature="a band at the blades' multiple of the rotor speed that moves with it; its mean over turns is zero",
     confused_with=(
         ("tower_shadow", "phase: a shadow's mean over turns at one angle stays, sampled turbulence averages out"),

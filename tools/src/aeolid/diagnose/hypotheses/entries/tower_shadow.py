@@ -88,7 +88,7 @@ ENTRY = Entry(
         Quantity("force_N_sin", "N", -1e6, 1e6, 0.0, "sin part"),
         Quantity("sharpness", "1", 0.0, _SHARPEST, 0.0, "0 a smooth swing, towards 1 a dip: e^(-blades*distance/arm)"),
     ),
-    attaches_to="tower fore-aft and rotor speed of a wind turbine whose rotor angle is recorded",
+    attaches_to="tower fore-aft and rotor speed of a wind turbine with a recorded rotor angle or speed",
     signature="lines at the blades' multiple and its multiples, phase locked to the angle",
     confused_with=(
         (

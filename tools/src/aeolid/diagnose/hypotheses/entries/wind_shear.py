@@ -39,7 +39,7 @@ ENTRY = Entry(
         Quantity("vertical", "of the output", -1e12, 1e12, 0.0, "swing of a blade's moment, blade up (azimuth 0)"),
     ),
     attaches_to="flapwise blade outputs (azimuth 0: blade 1 up), else fore-aft and rotor speed of a wind turbine whose"
-    " rotor angle is recorded",
+    " rotor angle or speed is recorded",
     signature="one cosine a turn in every blade, shifted by the blades' spacing; at the hub only the blades' multiple",
     confused_with=(
         ("yaw_misalignment", "the wind vane; and a sine part, which only the skewed wake of a yawed rotor has"),

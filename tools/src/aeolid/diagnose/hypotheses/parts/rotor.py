@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.machine import blades_of
+from aeolid.diagnose.data.shaft_angle import ROLE as SHAFT_ANGLE
+from aeolid.diagnose.data.shaft_angle import name_of
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
@@ -32,6 +34,7 @@ NAMES = {
     "power": r"power|pwr|(^|_)p_?(el|gen)",
     "wave": r"wave|(^|_)eta(_|$)|elevation",
 }
+_FAST_SHAFT = r"gen|hss|motor"
 _POWER_UNITS = {"W", "kW", "MW"}
 
 
@@ -71,6 +74,16 @@ def azimuth(site: Site) -> Exogenous | None:
     return next((c for c in site.exogenous if c.role == "azimuth"), None)
 
 
+def turned(site: Site) -> Exogenous | None:
+    """Return the recorded rotor angle, else that which its recorded speed gives from an unknown start on, else None.
+
+    The second serves what is free in its phase. A generator's shaft is not the rotor, whatever stands between them.
+    """
+    slow = {name_of(n) for n in site.output_names if not re.search(_FAST_SHAFT, n.lower())}
+    own = (c for c in site.exogenous if c.role == SHAFT_ANGLE and c.name in slow)
+    return azimuth(site) or next(own, None)
+
+
 def samples(site: Site, channel: Exogenous) -> Array:
     """Return the samples (N,) of a channel the model has no use for."""
     result: Array = site.extra[:, site.exogenous.index(channel)]
@@ -82,8 +95,8 @@ def _radians(site: Site, channel: Exogenous) -> float:
 
 
 def turning(site: Site) -> float:
-    """Return the rotor's speed in rad/s, signed, from the recorded angle: the median over the samples; 0 unknown."""
-    channel = azimuth(site)
+    """Return the rotor's speed in rad/s, signed, from its angle: the median over the samples; 0 unknown."""
+    channel = turned(site)
     if channel is None or len(site.extra) < 2:
         return 0.0
     steps = np.diff(samples(site, channel)) * _radians(site, channel)
@@ -104,12 +117,14 @@ class Angle:
 
 
 def angle(site: Site, order: int) -> Angle | None:
-    """Return order times the rotor angle; None where it is not recorded or too fast for the sample time."""
-    channel, rate = azimuth(site), turning(site)
+    """Return order times the rotor angle; None where nothing tells it or it is too fast for the sample time."""
+    channel, rate = turned(site), turning(site)
     if channel is None or rate == 0.0 or abs(order * rate) * site.step > in_force().hypotheses.nyquist_share * math.pi:
         return None
-    now = f"{_radians(site, channel)!r}*{channel.symbol}"
-    return Angle(f"({order}*({now} + {0.5 * rate * site.step!r}))", f"({order}*({now}))")
+    recorded, half = f"{_radians(site, channel)!r}*{channel.symbol}", f"{0.5 * rate * site.step!r}"
+    if channel.role == SHAFT_ANGLE:  # of the middle of each row
+        return Angle(f"({order}*({recorded}))", f"({order}*({recorded} - {half}))")
+    return Angle(f"({order}*({recorded} + {half}))", f"({order}*({recorded}))")
 
 
 def speed(site: Site) -> str | None:
