@@ -47,17 +47,17 @@ equation = "w"
 """
 
 
-def turned(heavy: float, seed: int = 4) -> Array:
-    """Simulate torque and speed (N, 2) of a shaft with a weight that pulls with up to `heavy` N m on it."""
+def turned(heavy: float, seed: int = 4, poles: int = 1) -> Array:
+    """Simulate torque, speed and angle (N, 3) of a shaft that weight, or magnets, pull on with up to `heavy` N m."""
     rng = np.random.default_rng(seed)
     torque = np.repeat(0.25 + 0.25 * rng.standard_normal(SAMPLES // 25), 25)
     w = angle = 0.0
-    rows = np.empty((SAMPLES, 2))
+    rows = np.empty((SAMPLES, 3))
     for i, u in enumerate(torque):
-        rows[i] = u, w
+        rows[i] = u, w, angle
         push = 0.02 * rng.standard_normal()
         for _ in range(FINE):
-            w += STEP / FINE * (u + push - DRAG * w - heavy * np.sin(angle + 0.8)) / INERTIA
+            w += STEP / FINE * (u + push - DRAG * w - heavy * np.sin(poles * angle + 0.8)) / INERTIA
             angle += STEP / FINE * w
     rows[:, 1] += 0.01 * rng.standard_normal(SAMPLES)
     return rows
@@ -129,7 +129,7 @@ def test_a_model_with_its_own_angle_does_what_it_does_with_the_channel(discrete:
 
 
 def test_a_shaft_that_hardly_turns_has_no_weight(tmp_path: Path) -> None:
-    rows = turned(0.0)
+    rows = turned(0.0)[:, :2]
     for share, offered in ((1.0, True), (1e-3, False)):
         (tmp_path / str(share)).mkdir()
         case = load_case(write_case(tmp_path / str(share), MODEL, STEP, CHANNELS, share * rows))
@@ -139,7 +139,7 @@ def test_a_shaft_that_hardly_turns_has_no_weight(tmp_path: Path) -> None:
 @pytest.mark.diagnosis
 @pytest.mark.parametrize("heavy", [HEAVY, 0.0])
 def test_weight_out_of_balance_is_named_where_it_is(heavy: float, tmp_path: Path) -> None:
-    case = load_case(write_case(tmp_path, MODEL, STEP, CHANNELS, turned(heavy)))
+    case = load_case(write_case(tmp_path, MODEL, STEP, CHANNELS, turned(heavy)[:, :2]))
     diagnosis, _ = conclude(case, tmp_path / "out", sham=0, seed=0, progress=lambda text, share: None)
     if not heavy:
         assert diagnosis["verdict"] in ("no_mismatch", "immaterial")
@@ -152,3 +152,25 @@ def test_weight_out_of_balance_is_named_where_it_is(heavy: float, tmp_path: Path
     corrected = load_model(tmp_path / "out" / "model" / "model.toml")
     assert isinstance(corrected, Equations) and [s.name for s in corrected.inputs] == ["torque"]
     assert any(s.unit == "rad" for s in corrected.states)
+
+
+def test_a_recorded_angle_serves_where_it_is_that_of_the_shaft(tmp_path: Path) -> None:
+    """In degrees and wrapped; of another shaft, three times as fast, it says nothing."""
+    rows = turned(0.0)
+    for name, gear, offered in (("own", 1.0, True), ("other", 3.0, False)):
+        (tmp_path / name).mkdir()
+        angle = np.rad2deg(gear * rows[:, 2]) % 360.0
+        channels = (*CHANNELS, ("angle", "deg", "azimuth"))
+        case = load_case(write_case(tmp_path / name, MODEL, STEP, channels, np.column_stack([rows[:, :2], angle])))
+        prepared = prepare(case)
+        assert ("gravity_1p state:w" in {a.key for a in prepared.hypotheses}) == offered
+        assert name_of("speed") not in {c.name for c in prepared.exogenous}
+
+
+@pytest.mark.diagnosis
+def test_what_repeats_seven_times_a_turn_is_missing_and_has_no_name(tmp_path: Path) -> None:
+    """A motor's magnets hold its teeth: no entry has that, and at seven times the speed's angle it is no noise."""
+    case = load_case(write_case(tmp_path, MODEL, STEP, CHANNELS, turned(HEAVY, poles=7)[:, :2]))
+    diagnosis, _ = conclude(case, tmp_path / "out", sham=0, seed=0, progress=lambda text, share: None)
+    assert diagnosis["verdict"] == "unnamed"
+    assert "repeats every 0.89" in diagnosis["statement"] and "rad of the angle of speed" in diagnosis["statement"]

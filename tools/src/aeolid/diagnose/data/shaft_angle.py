@@ -35,11 +35,16 @@ def with_shaft_angles(records: Sequence[Record], model: Equations) -> tuple[Reco
         unit = _plain(known[output].unit) if output in known else ""
         if unit not in UNITS or _longest_gap(record.column(output)) > in_force().data.bridged_rows:
             continue
-        speed = _radians(unit) * record.column(output)
+        speed = radians(unit) * record.column(output)
         angle = integrated(speed, record.sample_time_s) + 0.5 * record.sample_time_s * np.nan_to_num(speed)
         channel = Channel(name_of(output), "rad", ROLE)
         record = replace(record, values=np.column_stack([record.values, angle]), channels=(*record.channels, channel))
     return (record,)
+
+
+def radians(unit: str) -> float:
+    """Return rad/s a unit, one of UNITS."""
+    return 2 * np.pi * TURNS[unit]
 
 
 def name_of(output: str) -> str:
@@ -72,7 +77,7 @@ def by_own_angles(model: Equations, channels: Sequence[tuple[str, str]]) -> Equa
         output = next((o for o in turns if name_of(o) == name), None)
         if output is None or symbol not in model.names_used():
             continue
-        speed = f"{_radians(_plain(turns[output][1]))!r}*({ex.to_text(turns[output][0])})"
+        speed = f"{radians(_plain(turns[output][1]))!r}*({ex.to_text(turns[output][0])})"
         rate = f"{symbol} + {step!r}*{speed}" if step else speed
         if step:  # the trapezoidal rule and half a row ahead: but for where it began the channel is that
             model = _substituted(model, {symbol: ex.parse(f"{symbol} + {step!r}*{speed}", symbol)})
@@ -95,10 +100,6 @@ def _substituted(model: Equations, by: dict[str, ast.expr]) -> Equations:
 def _longest_gap(values: Array) -> int:
     known = np.concatenate([[-1], np.flatnonzero(np.isfinite(values)), [len(values)]])
     return int(np.max(np.diff(known))) - 1
-
-
-def _radians(unit: str) -> float:
-    return 2 * np.pi * TURNS[unit]
 
 
 def _plain(unit: str) -> str:

@@ -25,6 +25,7 @@ _LEAST = 1e-9  # of the power where most is heard: less is rounding
 _LAST = 0.95  # of the highest frequency; above it is little but how the sampling was modelled
 _LONGEST = 2**22  # samples of the grid
 _FIRST_REPEAT, _MOST_REPEATS = 3, 200  # times something may repeat along a signal; less is a curve
+_MOST_A_TURN = 24  # times something may repeat along the angle of a shaft: poles, slots, a joint's two
 _ENOUGH = 2**14  # samples to know what noise gives along a signal
 _STEP = 1e-3  # of a place's natural size
 
@@ -55,9 +56,14 @@ def waves(prepared: Prepared, found: Sequence[Place], most: int) -> list[Attachm
         offered.close(int(clock.grid[-1]))
     for place, over, score in pairs:
         if not place.is_input and (reach := _reach(over)) > 0:
-            peak = _along(score, over, reach)
+            peak = _along(score, over, 2 * np.pi / reach * np.arange(_FIRST_REPEAT, _MOST_REPEATS, 1 / _FINER))
             offered.add(peak, ripple(place, over, peak.number, reach))
     offered.close(_FINER * _MOST_REPEATS)
+    for place, score in zip(found, scores, strict=True):
+        for angle in place.angles:
+            peak = _along(score, angle, np.arange(1.0, _MOST_A_TURN + 1))
+            offered.add(peak, ripple(place, angle, peak.number, _reach(angle)))
+    offered.close(_MOST_A_TURN)
     return [a for _, a in sorted(offered.clear, key=lambda pair: -pair[0])][:most]
 
 
@@ -120,9 +126,8 @@ def _reach(over: Follows) -> float:
     return float(high - low)
 
 
-def _along(score: _Score, over: Follows, reach: float) -> _Peak:
-    """Return the highest line of a score along a signal."""
-    numbers = 2 * np.pi / reach * np.arange(_FIRST_REPEAT, _MOST_REPEATS, 1 / _FINER)
+def _along(score: _Score, over: Follows, numbers: Array) -> _Peak:
+    """Return the highest line of a score along a signal; numbers: the lines, in rad a unit of it."""
     values = np.nan_to_num(over.values - over.mean)
     some = min(len(values), _ENOUGH)
     length = 2 ** int(np.ceil(np.log2(2 * some)))

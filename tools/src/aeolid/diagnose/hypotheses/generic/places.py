@@ -14,6 +14,7 @@ from aeolid.diagnose.hypotheses.generic.unlisted import ID, MODES, exchange, sto
 from aeolid.diagnose.hypotheses.parts import operating_point
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
+from aeolid.diagnose.hypotheses.parts.shafts import angle_of
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.diagnose.structure.baseline import with_force
 from aeolid.diagnose.structure.passing import Passing, passings
@@ -53,7 +54,8 @@ class Follows:
 class Place:
     """Hold where something may act: acts(model, slots, term, name) adds a term, a text, to what acts there.
 
-    size is the natural size of what acts there; follows are signals of the place itself.
+    size is the natural size of what acts there; follows are signals of the place itself. angles: of the shaft that it
+    acts on, in rad, along which it may repeat a whole number of times a turn.
     """
 
     tag: str
@@ -64,6 +66,7 @@ class Place:
     size: float
     follows: tuple[Follows, ...]
     is_input: bool = False
+    angles: tuple[Follows, ...] = ()
 
     @property
     def is_alive(self) -> bool:
@@ -91,7 +94,7 @@ def places(site: Site, read: Read) -> list[Place]:
     """
     found = [_input(site, i, read) for i, name in enumerate(site.input_names) if name != TIME]
     if site.linear is None or len(site.motions) <= MODES:
-        found += [_motion(m, i, read) for i, m in enumerate(site.motions)]
+        found += [_motion(site, m, i, read) for i, m in enumerate(site.motions)]
     if site.linear is None:
         storing = stores(site)
         found += [_store(site, s, read) for s in storing]
@@ -126,7 +129,7 @@ def _shown(site: Site, j: int, read: Read) -> Follows | None:
     return shown if shown.spread > 0 else None
 
 
-def _motion(motion: Motion, number: int, read: Read) -> Place:
+def _motion(site: Site, motion: Motion, number: int, read: Read) -> Place:
     pairs = ("q", "the position", motion.position), ("v", "the speed", motion.velocity)
     follows = tuple(
         Follows(f"{letter}{number + 1}", words, f"({ex.to_text(signal)})", read(signal))
@@ -134,12 +137,17 @@ def _motion(motion: Motion, number: int, read: Read) -> Place:
         if signal is not None
     )
 
+    seen = angle_of(site, motion)
+    angles = () if seen is None else (
+        Follows(f"a{number + 1}", f"the angle of {seen[0]}", seen[1], read(ex.parse(seen[1], ID)), "rad"),
+    )  # fmt: skip
+
     def acts(model: Equations, slots: tuple[Slot, ...], term: str, name: str) -> Equations:
         return motion.inject(with_parameters(model, slots), ex.parse(term, ID), name)
 
     return Place(
         f"m{number + 1}", motion.location, f"a force at {motion.location}", location(motion.location), acts,
-        motion.force_size, follows,
+        motion.force_size, follows, angles=angles,
     )  # fmt: skip
 
 

@@ -6,18 +6,20 @@ import ast
 
 import numpy as np
 
-from aeolid.diagnose.data.shaft_angle import ROLE, name_of
+from aeolid.diagnose.data.shaft_angle import ROLE, UNITS, name_of, radians
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, location
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
-from aeolid.models.angles import turn_of
+from aeolid.models.angles import radians_a_unit, turn_of
 from aeolid.models.equations import Equations, Output
+
+_APART = 0.1  # of a speed in the median, by which the rate of its shaft's angle may differ from it
 
 
 def out_of_balance(site: Site, entry: str) -> list[Attachment]:
-    """Offer a torque that is a sine of the angle, on every shaft whose angle the model has or its speed tells.
+    """Offer a torque that is a sine of the angle, on every shaft whose angle is known.
 
     Where there are shafts that no input drives, those: a load is out of balance, a motor comes balanced, and behind a
     stiff shaft nothing tells one from the other. A model that has a sine of an angle in a shaft's equation knows of its
@@ -30,7 +32,7 @@ def out_of_balance(site: Site, entry: str) -> list[Attachment]:
 
 
 def _on(site: Site, motion: Motion, entry: str) -> list[Attachment]:
-    seen = _angle(site, motion)
+    seen = angle_of(site, motion)
     if seen is None or any(isinstance(n, ast.Name) and n.id in ("sin", "cos") for n in ast.walk(motion.forces)):
         return []
     output, text = seen
@@ -56,14 +58,17 @@ def _on(site: Site, motion: Motion, entry: str) -> list[Attachment]:
     ]  # fmt: skip
 
 
-def _angle(site: Site, motion: Motion) -> tuple[str, str] | None:
+def angle_of(site: Site, motion: Motion) -> tuple[str, str] | None:
     """Return the output that tells a shaft's angle and the angle in rad as text; None where it hardly turns.
 
-    Within a small arc a sine is a spring and a constant force, which have names of their own.
+    It is the recorded azimuth where that turns as the shaft does, the model's own where an output shows it, else what
+    the speed tells. Within a small arc a sine is a spring and a constant force, which have names of their own.
     """
     least = in_force().hypotheses.least_arc_rad
     for j, output in enumerate(site.model.outputs):
         if motion.recorded is None and _shows(output, motion.velocity, motion):
+            if (text := _by_azimuth(site, j, motion)) is not None:
+                return output.name, text
             channel = next((c for c in site.exogenous if c.role == ROLE and c.name == name_of(output.name)), None)
             if channel is not None and np.ptp(rotor.samples(site, channel)) > least:
                 return output.name, channel.symbol
@@ -73,6 +78,18 @@ def _angle(site: Site, motion: Motion) -> tuple[str, str] | None:
             if a_unit * float(np.nanmax(site.y[:, j]) - np.nanmin(site.y[:, j])) > least:
                 return output.name, f"({float(a_unit)!r}*{ex.to_text(motion.position)})"
     return None
+
+
+def _by_azimuth(site: Site, j: int, motion: Motion) -> str | None:
+    """Return the recorded azimuth at the middle of a row as text, None where output j is no speed of what it shows."""
+    channel, unit = rotor.azimuth(site), site.model.outputs[j].unit.replace(" ", "")
+    if channel is None or unit not in UNITS:
+        return None
+    a_unit, scale = radians(unit), radians_a_unit(channel.unit, rotor.samples(site, channel))
+    speed = a_unit * float(np.nanmedian(site.y[:, j]))
+    if not abs(rotor.turning(site) - speed) < _APART * abs(speed):
+        return None
+    return f"({scale!r}*{channel.symbol} + {0.5 * site.step * a_unit!r}*{ex.to_text(motion.velocity)})"
 
 
 def _shows(output: Output, of: ast.expr, motion: Motion) -> bool:
