@@ -40,7 +40,8 @@ ENTRY = Entry(
     equation="gain = gain_0*(1 + gain_change*(p - mean)/spread)",
     source="Bianchi, De Battista, Mantz 2007, Wind Turbine Control Systems (LPV); Burton et al., Wind Energy Handbook",
     quantities=(Quantity("gain_change", "1", -3.0, 3.0, 0.0, "relative change of the gain for one spread of p"),),
-    attaches_to="the pitch input of a wind turbine, on every recorded scheduling channel, else on the pitch itself",
+    attaches_to="the pitch input of a wind turbine, on every recorded scheduling channel, else on the pitch itself;"
+    " commanded inputs of other machines on every recorded scheduling channel",
     signature="the response to the same step differs with wind, pitch or speed, smoothly",
     confused_with=(
         ("operating_region_switch", "steps on one side only: there the gain is constant, a slope shows everywhere"),

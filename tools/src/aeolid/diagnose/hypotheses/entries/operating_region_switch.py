@@ -55,7 +55,8 @@ ENTRY = Entry(
         Quantity("gain_change", "1", -3.0, 3.0, 0.0, "relative change of the gain above the threshold"),
         Quantity("threshold", "of the channel", -1e9, 1e9, float("nan"), "where it switches"),
     ),
-    attaches_to="the pitch input of a wind turbine, on every recorded scheduling channel, else on the pitch itself",
+    attaches_to="the pitch input of a wind turbine, on every recorded scheduling channel, else on the pitch itself;"
+    " commanded inputs of other machines on every recorded scheduling channel",
     signature="errors on one side of a threshold only",
     confused_with=(
         ("aero_nonlinearity", "steps on one side only: there the gain is constant, a slope shows everywhere"),

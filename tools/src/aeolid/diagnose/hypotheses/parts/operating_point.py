@@ -1,4 +1,4 @@
-"""Find what the gain of a pitch input may depend on, and let an input act with a changed gain."""
+"""Find what the gain of an input may depend on, and let an input act with a changed gain."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import pitch_path, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.wiring import commanded
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Parameter
 
 Array = NDArray[np.float64]
-_MOST_CHANNELS = 2
+_MOST_CHANNELS, _MOST_INPUTS = 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +42,16 @@ class Point:
 
 
 def points(site: Site) -> list[Point]:
-    """List pitch inputs with each recorded scheduling channel (at most 2), with themselves where there is none.
+    """List a turbine's pitch input with each recorded scheduling channel (at most 2), with itself where there is none.
 
-    A channel goes by its smoothed value where it has one.
+    Of another machine every commanded input (at most 3) with each such channel: who gives one that role says that the
+    operating point is there. A channel goes by its smoothed value where it has one.
     """
     found = []
     channels = [c for c in site.exogenous if c.role == "scheduling"][:_MOST_CHANNELS]
-    for i in pitch_path.pitch_inputs(site)[:1]:
+    turbine = is_turbine(site.context)
+    inputs = pitch_path.pitch_inputs(site)[:1] if turbine else commanded(site)[:_MOST_INPUTS] if channels else []
+    for i in inputs:
         u, name, symbol = site.u[:, i], site.input_names[i], site.symbols[i]
         on = [(c.name, c.unit, *site.smooth.get(c.name, (c.symbol, rotor.samples(site, c)))) for c in channels]
         on = on or [(name, site.model.inputs[i].unit, symbol, u)]
