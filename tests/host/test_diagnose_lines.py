@@ -37,6 +37,7 @@ def test_a_mode_where_an_input_has_its_line_has_no_name(hz: float, noise: float,
     assert bool(at_a_line(told, [mains(40), mains(noise=noise)])) is refused
     assert at_a_line({"actuator_lag input:mains": {"tau_s": (0.1, 0.01)}}, [mains()]) == ""
     assert at_a_line(told, [mains(40)]) == ""
+    assert at_a_line(told, [mains(noise=noise)], computed=[0]) == ""  # a column that nobody recorded drives nothing
 
 
 @pytest.mark.parametrize(("role", "hold", "late"), [("disturbance", "zoh", True), ("disturbance", "foh", False),

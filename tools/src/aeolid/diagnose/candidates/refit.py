@@ -24,6 +24,7 @@ from aeolid.diagnose.candidates.seen_values import (
 )
 from aeolid.diagnose.candidates.simulation_starts import simulation_starts
 from aeolid.diagnose.candidates.starts import starts_of
+from aeolid.diagnose.data.exogenous import computed_inputs
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.predictor.explore import TRIED, core, explore, fit_briefly, fit_fully, fit_quietly
@@ -302,7 +303,7 @@ def judge(
     fit = with_jump_deviations(predictor, without_the_mute(attachments, fit, model), attachments)
     values = {a.key: values_of(a, fit, model) for a in attachments}
     reason, alone = objection(attachments, fit, model, ahead + gain, parameters), undriven(attachments, fit, model)
-    reason = reason or at_a_line(values, predictor.segments)
+    reason = reason or at_a_line(values, predictor.segments, computed_inputs(model, prepared.exogenous))
     own = {s.name for a in attachments for s in a.slots}
     moved = tuple(m for m in moved_in(prepared.declared, model, fit) if m.parameter.name not in own)
     return Candidate(

@@ -86,6 +86,12 @@ def identifiers(names: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def computed_inputs(model: Equations, channels: Sequence[Exogenous]) -> list[int]:
+    """Return the places among a model's inputs of those channels that nobody recorded: angles by a shaft's speed."""
+    names = {c.name for c in channels if c.role == SHAFT_ANGLE}
+    return [i for i, s in enumerate(model.inputs) if s.name in names]
+
+
 def with_time(record: Record) -> Record:
     """Return the recording with its time as a channel, unless it has one of that name."""
     if TIME in {c.name for c in record.channels}:
