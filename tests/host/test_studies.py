@@ -266,6 +266,12 @@ def test_third_author_nulls_are_complete(tmp_path, name):
         ("fourth_author", ["rubber_cold", "monopile_sea", "null_boost", "null_drone", "web_draws"], "rubber_cold", 6),
         ("fifth_author", ["air_spring", "pond_weir", "null_pole", "skid_bolt", "null_surge_tank"], "air_spring", 3),
         ("sixth_author", ["spindle_tap", "power_meter", "belt_mill", "steam_mixer", "null_lift"], "spindle_tap", 5),
+        (
+            "seventh_author",
+            ["washer_load", "ferry_roll", "tug_gyro", "slide_hose", "null_receiver"],
+            "null_receiver",
+            3,
+        ),
     ],
 )
 def test_later_authors_cases_are_written_as_the_diagnosis_reads_them(tmp_path, author, words, of_several, recordings):
