@@ -129,6 +129,17 @@ def test_a_filter_as_slow_as_it_may_be_is_physics_unless_a_lateness_does_as_well
     assert settle_sampling._likelier(stage, Choice((), False, False)) == (late if read else None)
 
 
+@pytest.mark.parametrize(("moving", "chosen"), [(8.4, 0.0), (7.0, -STEP)])
+def test_inputs_are_not_read_early_where_another_reading_is_as_likely(moving: float, chosen: float) -> None:
+    """Beside a dead time of the pitch a row early was worth 9.2 nats, and a wind that goes on between its rows 8.4."""
+    held = (("wind", "zoh"), ("pitch", "zoh"))
+    early = Sampling(held, -STEP, gain=9.2)
+    going_on = Sampling((("wind", "foh"), ("pitch", "zoh")), gain=moving)
+    half_late = Sampling(held, 0.5 * STEP, free=True, gain=9.1)
+    assert settle_sampling._not_early([early, going_on, half_late], early).offset_s == chosen
+    assert settle_sampling._not_early([going_on, half_late], half_late) == half_late
+
+
 def test_a_mix_that_may_not_be_late_is_not_tried_where_moving_inputs_may() -> None:
     """Pitch and torque of a turbine, 0.8 rows late: with the torque held 4 nats more, which may not be late."""
     both = Sampling((("pitch", "foh"), ("torque", "foh")), 0.08, 0.0, free=True, gain=449.0)

@@ -186,13 +186,27 @@ def _as_plain(stage: Stage, choice: Choice, gain: float) -> Sampling | None:
 def _best(stage: Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen, fitted further, which may have carried it beyond that."""
     trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
-    best = _likeliest(stage, [s for s in trials if choice.allows(s, stage.step)])
+    allowed = [s for s in trials if choice.allows(s, stage.step)]
+    best = _likeliest(stage, allowed)
     late = _later(stage, choice, trials, best)
     if late is not None:
         return late
     if best is None or not np.isfinite(best.gain):
         return None
-    return _finished(stage, choice, best)
+    return _finished(stage, choice, _not_early(allowed, best))
+
+
+def _not_early(trials: Sequence[Sampling], best: Sampling) -> Sampling:
+    """Return the best trial or, where that has inputs early, one that is as likely without.
+
+    Nothing answers before it is asked. Beside a dead time of one input a row early takes the dead time along and leaves
+    the other one early alone, as one that goes on between its rows is by half of that: 9.2 nats and 8.4, and a pitch
+    command of 0.3 s was one of 0.401 ± 0.005 s.
+    """
+    if best.offset_s >= 0 or best.free:
+        return best
+    plain = max((s for s in trials if s.offset_s == 0 and not s.free), key=lambda s: s.gain, default=best)
+    return plain if plain.gain > best.gain - in_force().evidence.two_deviations_nats else best
 
 
 def _likeliest(stage: Stage, trials: list[Sampling]) -> Sampling | None:
