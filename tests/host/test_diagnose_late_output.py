@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from small_cases import SWING, SWING_CHANNELS, write_case
 
+from aeolid.diagnose.baseline import late_output as late_module
 from aeolid.diagnose.baseline.channel_faults import with_faults
 from aeolid.diagnose.baseline.late_output import LateOutput, first_order, late_output, second_order
 from aeolid.diagnose.baseline.wiring_columns import moved_ahead
+from aeolid.diagnose.baseline.wiring_evidence import judge_of
 from aeolid.diagnose.data.case import Case, load_case
 from aeolid.models.state_space import StateSpace
 
@@ -94,6 +96,22 @@ def test_a_sensor_that_lags_is_none(sensor: object) -> None:
         y = y.copy()
         y[:, 1] = sensor.behind(y[:, 1])  # type: ignore[attr-defined]
         assert late_output(with_outputs(whole, y))[0] is None
+
+
+def test_an_output_of_the_other_sign_is_not_half_a_period_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other sign is worth what the recording with the right one is; what it explains as well is not late."""
+    whole, _, y = draw_case(1)
+    right = judge_of(whole, 10)
+    reversed_one = judge_of(with_outputs(whole, y * (1.0, -1.0)), 10)
+    assert right is not None and reversed_one is not None
+    base = replace(right.declared, late=(0, 0))
+    worth = late_module.with_own_values(right, base).worth(base, 15)[0]
+    found = late_module._as_reversed(reversed_one, base, replace(base, late=(0, 6)))
+    assert found == pytest.approx(worth, abs=1.0)
+    late = with_outputs(whole, late_by(y, 6))
+    assert late_output(late)[0] is not None
+    monkeypatch.setattr(late_module, "_as_reversed", lambda *_: np.inf)
+    assert late_output(late)[0] is None
 
 
 def test_an_input_that_is_late_is_no_output_that_is_early() -> None:

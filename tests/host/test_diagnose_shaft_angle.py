@@ -99,8 +99,9 @@ def test_nothing_is_computed_where_the_angle_is_known_or_means_nothing() -> None
     plain, azimuth = record(speed), record(speed, more=(Channel("azimuth", "deg", "azimuth"),))
     angle = State("q", "rad", ex.parse("w", "q"), 0.0)
     known = replace(shaft("rad/s"), states=(*shaft("rad/s").states, angle))
+    taken = record(speed, more=(Channel(name_of("speed"), "rad", "ignore"),))
     for records, model in (
-        ([azimuth], shaft("rad/s")), ([plain, plain], shaft("rad/s")), ([plain], known),
+        ([azimuth], shaft("rad/s")), ([taken], shaft("rad/s")), ([plain, plain], shaft("rad/s")), ([plain], known),
         ([record(speed, "m/s")], shaft("m/s")),
     ):  # fmt: skip
         assert [r.channels for r in with_shaft_angles(records, model)] == [r.channels for r in records]

@@ -32,7 +32,7 @@ def with_shaft_angles(records: Sequence[Record], model: Equations) -> tuple[Reco
     (record,) = records
     known = {c.name: c for c in record.channels}
     for output in turning_outputs(model):
-        unit = _plain(known[output].unit) if output in known else ""
+        unit = _plain(known[output].unit) if output in known and name_of(output) not in known else ""
         if unit not in UNITS or _longest_gap(record.column(output)) > in_force().data.bridged_rows:
             continue
         speed = radians(unit) * record.column(output)
