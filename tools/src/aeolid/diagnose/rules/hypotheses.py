@@ -57,8 +57,13 @@ class HypothesesRules:
         0.1,
         "rows",
         "delay of the fastest recorded steps from which a limit of the rate is believed; less is the sampling's",
-        "a motor without a limit, told as one of 0.07 rows beside wrong values; limits that were there 1.5 rows and "
-        "more, once 0.17",
+        "measured: a motor without a limit, told as one of 0.07 rows beside wrong values; limits that were there "
+        "1.5 rows and more, once 0.17",
+    )
+    shaft_pace_share: float = rule(
+        0.1,
+        "share",
+        "of a shaft's speed in the median, by which the rate of a recorded angle may differ to be its angle",
     )
     least_arc_rad: float = rule(
         2.0, "rad", "arc that a shaft must turn for weight on it to be more than a spring and a constant force"

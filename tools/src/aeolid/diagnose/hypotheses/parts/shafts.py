@@ -15,8 +15,6 @@ from aeolid.models import expressions as ex
 from aeolid.models.angles import radians_a_unit, turn_of
 from aeolid.models.equations import Equations, Output
 
-_APART = 0.1  # of a speed in the median, by which the rate of its shaft's angle may differ from it
-
 
 def out_of_balance(site: Site, entry: str) -> list[Attachment]:
     """Offer a torque that is a sine of the angle, on every shaft whose angle is known.
@@ -87,7 +85,7 @@ def _by_azimuth(site: Site, j: int, motion: Motion) -> str | None:
         return None
     a_unit, scale = radians(unit), radians_a_unit(channel.unit, rotor.samples(site, channel))
     speed = a_unit * float(np.nanmedian(site.y[:, j]))
-    if not abs(rotor.turning(site) - speed) < _APART * abs(speed):
+    if not abs(rotor.turning(site) - speed) < in_force().hypotheses.shaft_pace_share * abs(speed):
         return None
     return f"({scale!r}*{channel.symbol} + {0.5 * site.step * a_unit!r}*{ex.to_text(motion.velocity)})"
 
