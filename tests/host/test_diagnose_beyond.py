@@ -29,7 +29,7 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot, location
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.predictor.noise import filter_var
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.scoring.waves import _along, _Clock, _in_time, _Score, _scores, _seen
+from aeolid.diagnose.scoring.waves import TURNS, _along, _Clock, _in_time, _repeats, _Score, _scores, _seen
 from aeolid.diagnose.validation import beyond
 from aeolid.diagnose.validation.beyond import beyond_the_catalogue, form_beyond, reader, ringing
 from aeolid.diagnose.validation.sealed import Held
@@ -180,19 +180,21 @@ def gained(stage: Prepared, place: Any, force: Any) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("colour", [0.0, 0.995])
 def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
-    """Residuals of 2000 samples seen through a force's response, 100 times, over time and times a signal."""
+    """Residuals of 2000 samples seen through a force's response, 100 times, over time, times and along a signal."""
     rng, n = np.random.default_rng(8), 2000
     pulse = np.stack([colour ** np.arange(n), np.sin(0.3 * np.arange(n)) * 0.99 ** np.arange(n)], axis=1)
     clock = _Clock("t", 0.0, 40.0, STEP, np.arange(n))
     follows = Follows("s", "a signal", "s", np.sin(np.arange(n) ** 1.5 / 300) + 0.2)
     limit = np.log(n / in_force().scoring.line_level)
-    passed = np.zeros(3)
+    angle = Follows("a", "an angle", "a", 30 * np.sin(np.arange(n) / 400) + np.arange(n) / 70)
+    passed = np.zeros(4)
     for _ in range(100):
         residual = rng.standard_normal((n, 2))
         score = _Score(_seen(residual, pulse), pulse)
         passed[0] += _in_time(score, None, clock).height > limit
         passed[1] += _in_time(score, follows, clock).height > limit
-        passed[2] += _along(score, follows, 2.0).height > np.log(400 / in_force().scoring.line_level)
+        passed[2] += _along(score, follows, _repeats(2.0)).height > np.log(400 / in_force().scoring.line_level)
+        passed[3] += _along(score, angle, TURNS).height > np.log(len(TURNS) / in_force().scoring.line_level)
     assert np.all(passed <= 5), passed  # 1 in the mean at the level; 6 or more once in 1500 runs
 
 

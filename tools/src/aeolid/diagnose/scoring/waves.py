@@ -25,7 +25,7 @@ _LEAST = 1e-9  # of the power where most is heard: less is rounding
 _LAST = 0.95  # of the highest frequency; above it is little but how the sampling was modelled
 _LONGEST = 2**22  # samples of the grid
 _FIRST_REPEAT, _MOST_REPEATS = 3, 200  # times something may repeat along a signal; less is a curve
-_MOST_A_TURN = 24  # times something may repeat along the angle of a shaft: poles, slots, a joint's two
+TURNS = np.arange(1.0, 25.0)  # times that something may repeat in a turn of a shaft: poles, slots, a joint's two
 _ENOUGH = 2**14  # samples to know what noise gives along a signal
 _STEP = 1e-3  # of a place's natural size
 
@@ -56,14 +56,14 @@ def waves(prepared: Prepared, found: Sequence[Place], most: int) -> list[Attachm
         offered.close(int(clock.grid[-1]))
     for place, over, score in pairs:
         if not place.is_input and (reach := _reach(over)) > 0:
-            peak = _along(score, over, 2 * np.pi / reach * np.arange(_FIRST_REPEAT, _MOST_REPEATS, 1 / _FINER))
+            peak = _along(score, over, _repeats(reach))
             offered.add(peak, ripple(place, over, peak.number, reach))
     offered.close(_FINER * _MOST_REPEATS)
     for place, score in zip(found, scores, strict=True):
         for angle in place.angles:
-            peak = _along(score, angle, np.arange(1.0, _MOST_A_TURN + 1))
+            peak = _along(score, angle, TURNS)
             offered.add(peak, ripple(place, angle, peak.number, _reach(angle)))
-    offered.close(_MOST_A_TURN)
+    offered.close(len(TURNS))
     return [a for _, a in sorted(offered.clear, key=lambda pair: -pair[0])][:most]
 
 
@@ -124,6 +124,12 @@ def _in_time(score: _Score, over: Follows | None, clock: _Clock) -> _Peak:
 def _reach(over: Follows) -> float:
     low, high = np.nanquantile(over.values, [0.005, 0.995])
     return float(high - low)
+
+
+def _repeats(reach: float) -> Array:
+    """Return how often something may repeat along a signal that reaches so far, in rad a unit of it."""
+    numbers: Array = 2 * np.pi / reach * np.arange(_FIRST_REPEAT, _MOST_REPEATS, 1 / _FINER)
+    return numbers
 
 
 def _along(score: _Score, over: Follows, numbers: Array) -> _Peak:
