@@ -204,6 +204,12 @@ DRIVES: dict[str, tuple[dict[str, float], str, tuple[float, ...]]] = {
     "backlash input:y_drive": ({"backlash_share_2": 1.0, "backlash_width_2": 0.8}, "backlash", (0.8, 1.0)),
     "input_quantisation input:y_drive": ({"input_quantisation_share_2": 1.0, "input_spacing_2": 0.5},
                                          "input_quantisation", (0.5, 1.0)),
+    "input_quantisation input:y_drive, between": (
+        {"input_mid_rise_share_2": 1.0, "input_mid_rise_spacing_2": 0.5}, "input_mid_rise", (0.5, 1.0)),
+    "input_quantisation input:y_drive, down": (
+        {"input_floor_share_2": 1.0, "input_floor_spacing_2": 0.5}, "input_floor", (0.5, 1.0)),
+    "input_quantisation input:y_drive, towards zero": (
+        {"input_truncation_share_2": 1.0, "input_truncation_spacing_2": 0.5}, "input_truncation", (0.5, 1.0)),
     "sensor_sign input:y_drive": ({"input_sign_2": 1.0}, "input_scale", (-1.0, 1.0)),
     "sensor_scale input:y_drive, larger unit": ({"input_unit_2_1_share": 1.0, "input_unit_2_1": 60.0}, "input_scale",
                                                 (60.0, 1.0)),

@@ -122,6 +122,9 @@ STATIC = {
     "backlash": ((0.6,), lambda u: play(u, 0.6)),
     "deadband": ((0.6,), lambda u: hold(u, 0.6)),
     "input_quantisation": ((0.25,), lambda u: np.rint(u / 0.25) * 0.25),
+    "input_mid_rise": ((0.25,), lambda u: 0.25 * np.rint(u / 0.25 - 0.5) + 0.125),
+    "input_floor": ((0.25,), lambda u: u - np.mod(u, 0.25)),
+    "input_truncation": ((0.25,), lambda u: np.copysign(np.abs(u) // 0.25 * 0.25, u)),
 }
 
 
@@ -201,7 +204,8 @@ def test_infinitely_mild_is_no_change() -> None:
 
 
 LIMITS = {"rate_limit": (6.0,), "input_saturation": (-0.4, 0.6), "deadband": (0.5,), "dead_zone": (0.3,),
-          "backlash": (0.7,), "input_quantisation": (0.4,)}  # fmt: skip
+          "backlash": (0.7,), "input_quantisation": (0.4,), "input_mid_rise": (0.4,), "input_floor": (0.4,),
+          "input_truncation": (0.4,)}  # fmt: skip
 
 
 def chained(folder: Path, late: dict[str, float], kind: str, values: tuple[float, ...]) -> Equations:

@@ -89,7 +89,8 @@ equation = "(total - k*x)/M"
 FILTERS: dict[str, tuple[float, ...]] = {
     "actuator_lag": (0.12,), "transport_delay": (0.073,), "actuator_second_order": (0.05, 0.6),
     "rate_limit": (20.0, 1.0), "input_saturation": (-1.0, 1.5, 0.7), "deadband": (0.8, 1.0), "dead_zone": (0.5, 1.0),
-    "backlash": (0.6, 1.0), "input_quantisation": (0.5, 1.0), "input_scale": (1.3, 0.5), "lead_lag": (0.2, 0.8),
+    "backlash": (0.6, 1.0), "input_quantisation": (0.5, 1.0), "input_mid_rise": (0.5, 1.0),
+    "input_floor": (0.5, 1.0), "input_truncation": (0.5, 1.0), "input_scale": (1.3, 0.5), "lead_lag": (0.2, 0.8),
     "indicial": (0.3, 0.5),
 }  # fmt: skip
 LASTING = {"actuator_lag", "transport_delay", "actuator_second_order", "rate_limit", "lead_lag", "indicial"}

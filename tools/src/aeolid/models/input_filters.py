@@ -217,6 +217,36 @@ def _quantisation(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
 
 @njit(cache=True)
+def _mid_rise(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Round to the odd multiples of half of values[0], none of which is zero; blended in by values[1]."""
+    out = np.empty_like(u)
+    for k in range(len(u)):
+        between = (math.floor(u[k] / values[0]) + 0.5) * values[0] if values[0] > 0 else u[k]
+        out[k] = u[k] + values[1] * (between - u[k])
+    return out
+
+
+@njit(cache=True)
+def _floor(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Cut down to the multiple of values[0] below; blended in by values[1]."""
+    out = np.empty_like(u)
+    for k in range(len(u)):
+        below = math.floor(u[k] / values[0]) * values[0] if values[0] > 0 else u[k]
+        out[k] = u[k] + values[1] * (below - u[k])
+    return out
+
+
+@njit(cache=True)
+def _truncation(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Cut off to the multiple of values[0] towards zero; blended in by values[1]."""
+    out = np.empty_like(u)
+    for k in range(len(u)):
+        cut = math.trunc(u[k] / values[0]) * values[0] if values[0] > 0 else u[k]
+        out[k] = u[k] + values[1] * (cut - u[k])
+    return out
+
+
+@njit(cache=True)
 def _lead_lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Add values[1] times what is left of the input's changes, which die away with time constant values[0] s."""
     slow = lag_held_input(u, values[0] / step, pieces)
@@ -252,6 +282,9 @@ KINDS: dict[str, FilterKind] = {
     "dead_zone": FilterKind(("width", "share"), _dead_zone),
     "backlash": FilterKind(("width", "share"), _backlash),
     "input_quantisation": FilterKind(("spacing", "share"), _quantisation),
+    "input_mid_rise": FilterKind(("spacing", "share"), _mid_rise),
+    "input_floor": FilterKind(("spacing", "share"), _floor),
+    "input_truncation": FilterKind(("spacing", "share"), _truncation),
     "input_scale": FilterKind(("factor", "share"), _scale),
     "lead_lag": FilterKind(("tau_s", "gain"), _lead_lag),
     "indicial": FilterKind(("tau_s", "gain"), _indicial),
@@ -268,5 +301,8 @@ CHANGING = (
 """Kinds behind which a held input changes within a step; the others let it step with the samples."""
 HELD_LATE = ("intersample_zoh", "intersample_filtered")
 """Kinds by which a held input is late as a whole."""
-LIMITING = ("rate_limit", "input_saturation", "deadband", "dead_zone", "backlash", "input_quantisation")
+LIMITING = (
+    "rate_limit", "input_saturation", "deadband", "dead_zone", "backlash",
+    "input_quantisation", "input_mid_rise", "input_floor", "input_truncation",
+)  # fmt: skip
 """Kinds that are not linear, which do not let through the mean of a step what they let through of its parts."""

@@ -10,7 +10,12 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, values_of, without_the_mute
 from aeolid.diagnose.candidates.refit import without_slopes
-from aeolid.diagnose.candidates.seen_values import between_jumps, with_jump_deviations, with_limits_at_rest
+from aeolid.diagnose.candidates.seen_values import (
+    at_round_values,
+    between_jumps,
+    with_jump_deviations,
+    with_limits_at_rest,
+)
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
@@ -47,6 +52,7 @@ def estimated_on_all(prepared: Prepared, candidate: Candidate) -> Candidate:
     predictor, fit = found
     model = predictor.compiled.model
     fit = between_jumps(predictor, fit, fit.free, candidate.attachments)
+    fit = at_round_values(predictor, fit, fit.free, candidate.attachments)
     fit = with_limits_at_rest(predictor, fit, fit.free, candidate.attachments)
     fit = without_the_mute(candidate.attachments, fit, model)
     fit = with_jump_deviations(predictor, fit, candidate.attachments)

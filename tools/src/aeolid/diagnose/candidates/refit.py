@@ -15,6 +15,7 @@ from aeolid.diagnose.candidates.lines import at_a_line
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.candidates.seen_values import (
+    at_round_values,
     between_jumps,
     from_another_value,
     with_jump_deviations,
@@ -176,6 +177,7 @@ def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidat
     if prepared.surrogate is None:
         fit = from_another_value(predictor, fit, free, begun.attachments)
         fit = between_jumps(predictor, fit, free, begun.attachments)
+        fit = at_round_values(predictor, fit, free, begun.attachments)
         fit = with_limits_at_rest(predictor, fit, free, begun.attachments)
     order = predictor.choose_var_order(fit.point)
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)

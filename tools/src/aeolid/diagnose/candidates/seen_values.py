@@ -77,6 +77,37 @@ def between_jumps(predictor: Predictor, fit: Fit, free: Free, attachments: Seque
     return fit
 
 
+def at_round_values(predictor: Predictor, fit: Fit, free: Free, attachments: Sequence[Attachment]) -> Fit:
+    """Return the fit at the roundest of such values that fits no worse: levels and bands are chosen by people.
+
+    Between two jumps only its product with a gain is seen, so that a value moves until the gain stands where it was
+    declared. With levels of 0.5 V and a gain 5 % off the training data said 0.507; 0.5 fits them as well, and the
+    validation data, where other commands lie next to a jump, 23 nats better. Cost: three fits a value at the most.
+    """
+    rules, model, tied = in_force().candidates, predictor.compiled.model, in_force().evidence.tied_nats
+    for slot in (s for a in attachments for s in a.slots if s.jumps and s.name not in a.fixed):
+        index = model.index(slot.name)
+        value = float(fit.point.theta[index])
+        held = replace(free, theta=tuple(i for i in free.theta if i != index))
+        for near in rounded(value):
+            if abs(near - value) > rules.jump_span * abs(value) or not slot.low < near < slot.high:
+                continue
+            again = fit_quietly(predictor, shifted(fit.point, model, {slot.name: near}), held)
+            if again is not None and again.log_posterior > fit.log_posterior - tied:
+                fit = predictor.at(again.point, free)
+                break
+    return fit
+
+
+def rounded(value: float) -> list[float]:
+    """Return the nearest numbers of one digit, of one and a half and of two, roundest first; none for zero."""
+    if value == 0 or not np.isfinite(value):
+        return []
+    digit = int(np.floor(np.log10(abs(value))))
+    steps = [10.0**digit, 5 * 10.0 ** (digit - 1), 10.0 ** (digit - 1)]
+    return list(dict.fromkeys(round(round(value / s) * s, 2 - digit) for s in steps))
+
+
 def with_jump_deviations(predictor: Predictor, fit: Fit, attachments: Sequence[Attachment]) -> Fit:
     """Return the fit with deviations of values on which the answer depends in jumps.
 

@@ -26,8 +26,8 @@ class _Kind:
 _KINDS = {
     "actuator_lag": _Kind(1), "transport_delay": _Kind(0, delays=True), "actuator_second_order": _Kind(2),
     "rate_limit": _Kind(1), "input_saturation": _Kind(0), "deadband": _Kind(1), "dead_zone": _Kind(0),
-    "backlash": _Kind(1), "input_quantisation": _Kind(0), "input_scale": _Kind(0), "lead_lag": _Kind(1),
-    "indicial": _Kind(2),
+    "backlash": _Kind(1), "input_quantisation": _Kind(0), "input_mid_rise": _Kind(0), "input_floor": _Kind(0),
+    "input_truncation": _Kind(0), "input_scale": _Kind(0), "lead_lag": _Kind(1), "indicial": _Kind(2),
 }  # fmt: skip
 
 
@@ -158,6 +158,27 @@ static double @name@_past_integral(const @name@_past *p, const double *pieces, i
 }
 """
 
+
+def _at_once(kind: str, value: str, result: str) -> str:
+    """Return the functions of a kind that remembers nothing, has one value and acts on u at once."""
+    return f"""\
+static double @name@_{kind}_now(const double *none, double u, double {value}, double share) {{
+    (void)(none);
+    return {result};
+}}
+
+static double @name@_{kind}(double *none, double u, double {value}, double share, double h) {{
+    (void)(h);
+    return @name@_{kind}_now(none, u, {value}, share);
+}}
+"""
+
+
+def _levels(kind: str, level: str) -> str:
+    """Return the functions of a drive that takes levels `spacing` apart."""
+    return _at_once(kind, "spacing", f"u + share * ((spacing > 0.0 ? {level} * spacing : u) - u)")
+
+
 FUNCTIONS = {
     "actuator_lag": """\
 static double @name@_actuator_lag(double *w, double u, double tau, double h) {
@@ -287,28 +308,11 @@ static double @name@_backlash(double *x, double u, double width, double share, d
     return u + share * (*x - u);
 }
 """,
-    "input_quantisation": """\
-static double @name@_input_quantisation_now(const double *none, double u, double spacing, double share) {
-    (void)(none);
-    return u + share * ((spacing > 0.0 ? floor(u / spacing + 0.5) * spacing : u) - u);
-}
-
-static double @name@_input_quantisation(double *none, double u, double spacing, double share, double h) {
-    (void)(h);
-    return @name@_input_quantisation_now(none, u, spacing, share);
-}
-""",
-    "input_scale": """\
-static double @name@_input_scale_now(const double *none, double u, double factor, double share) {
-    (void)(none);
-    return u * (1.0 + share * (factor - 1.0));
-}
-
-static double @name@_input_scale(double *none, double u, double factor, double share, double h) {
-    (void)(h);
-    return @name@_input_scale_now(none, u, factor, share);
-}
-""",
+    "input_quantisation": _levels("input_quantisation", "floor(u / spacing + 0.5)"),
+    "input_mid_rise": _levels("input_mid_rise", "(floor(u / spacing) + 0.5)"),
+    "input_floor": _levels("input_floor", "floor(u / spacing)"),
+    "input_truncation": _levels("input_truncation", "(u < 0.0 ? ceil(u / spacing) : floor(u / spacing))"),
+    "input_scale": _at_once("input_scale", "factor", "u * (1.0 + share * (factor - 1.0))"),
     "lead_lag": """\
 static double @name@_lead_lag(double *w, double u, double tau, double gain, double h) {
     return u + gain * (u - @name@_actuator_lag(w, u, tau, h));

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, is_continuous, spread_of, unit_of_input
@@ -14,8 +16,26 @@ _FINEST, _COARSEST = 0.1, 2.0  # of the input's spread
 _STARTS = 60  # 5 % apart: the levels of a spacing 5 % off are still those next to the true ones over a few steps
 
 
-def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
-    return f"{name} acts in steps of {v['spacing']:.4g} {unit}; the recorded command is finer"
+@dataclass(frozen=True)
+class _Form:
+    """Say how a drive chooses its level: the kind of filter, what is added to a key, to a statement, the equation."""
+
+    kind: str
+    key: str
+    words: str
+    equation: str
+
+
+_FORMS = (
+    _Form("input_quantisation", "", "", "spacing*round({0}/spacing)"),
+    _Form("input_mid_rise", ", between", ", half a step beside zero", "spacing*(floor({0}/spacing) + 1/2)"),
+    _Form("input_floor", ", down", ", the one below the command", "spacing*floor({0}/spacing)"),
+    _Form("input_truncation", ", towards zero", ", the one nearer to zero", "spacing*trunc({0}/spacing)"),
+)
+
+
+def _statement(name: str, unit: str, words: str, v: Mapping[str, float]) -> str:
+    return f"{name} acts in steps of {v['spacing']:.4g} {unit}{words}; the recorded command is finer"
 
 
 def _round_numbers(low: float, high: float) -> list[float]:
@@ -25,35 +45,44 @@ def _round_numbers(low: float, high: float) -> list[float]:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    result = []
-    for i, name in enumerate(site.input_names):
-        u, unit, spacing = site.u[:, i], unit_of_input(site, i), f"input_spacing_{i + 1}"
-        spread = spread_of(u)
-        if spread <= 0 or not is_continuous(u):
-            continue
-        low, high = _FINEST * spread, _COARSEST * spread
-        slot = Slot(spacing, "spacing", unit, 0.0, 0.5 * low, 2 * high, 0.01 * spread, local=False)
-        starts = [*_round_numbers(low, high), *np.geomspace(low, high, _STARTS).tolist()]
-        result.append(
-            blended_filter(
-                site, i, "input_quantisation", (slot,), entry="input_quantisation",
-                grid=[{spacing: v} for v in _round_numbers(low, high)],
-                starts=({}, *({spacing: v} for v in starts)),
-                equation=f"{name}_actual = spacing*round({name}/spacing)",
-                statement=partial(_statement, name, unit),
-            )
-        )  # fmt: skip
-    return result
+    return [a for i in range(len(site.input_names)) for form in _FORMS for a in _at(site, i, form)]
+
+
+def _at(site: Site, i: int, form: _Form) -> list[Attachment]:
+    """Return the hypothesis of one form at one input, none where that takes few values."""
+    u, name, unit = site.u[:, i], site.input_names[i], unit_of_input(site, i)
+    spread = spread_of(u)
+    if spread <= 0 or not is_continuous(u) or (form.kind == "input_truncation" and _has_one_sign(u)):
+        return []
+    spacing = f"{form.kind.removesuffix('_quantisation')}_spacing_{i + 1}"
+    low, high = _FINEST * spread, _COARSEST * spread
+    slot = Slot(spacing, "spacing", unit, 0.0, 0.5 * low, 2 * high, 0.01 * spread, local=False, jumps=True)
+    starts = [*_round_numbers(low, high), *np.geomspace(low, high, _STARTS).tolist()]
+    return [
+        blended_filter(
+            site, i, form.kind, (slot,), entry="input_quantisation",
+            grid=[{spacing: v} for v in _round_numbers(low, high)],
+            starts=({}, *({spacing: v} for v in starts)),
+            equation=f"{name}_actual = {form.equation.format(name)}",
+            statement=partial(_statement, name, unit, form.words), form=form.key,
+        )
+    ]  # fmt: skip
+
+
+def _has_one_sign(u: NDArray[np.float64]) -> bool:
+    """Tell whether cutting off towards zero is cutting down, or up, everywhere."""
+    return not (np.nanmin(u) < 0 < np.nanmax(u))
 
 
 ENTRY = Entry(
     id="input_quantisation",
     family="input_nonlinearity",
     name="quantised drive",
-    equation="u_actual = spacing*round(u/spacing)",
+    equation="u_actual = spacing*round(u/spacing)",  # or floor(u/spacing), floor + 1/2, trunc
     source="Widrow and Kollár 2008, Quantization Noise; Franklin, Powell, Workman 1998, Digital Control, chapter 10",
     quantities=(Quantity("spacing", "unit of the input", 0.0, 1e9, 0.0, "step between two levels"),),
-    attaches_to="every input that takes many values; spacings of 1, 2 and 5 times a power of ten are looked for",
+    attaches_to="every input that takes many values, its level the nearest, the lower, the one nearer to zero or the "
+    "nearest beside zero; spacings of 1, 2 and 5 times a power of ten are looked for",
     signature="noise that repeats whenever the command passes the same values",
     confused_with=(("deadband", "levels: a quantised drive always comes back to the same ones"),),
     attach=_attach,
