@@ -71,7 +71,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
             return f"{a.key}: {reason}"
         sizes = [(s, p) for s, p in free if s.label and (s.name in a.essential if a.essential else s.local)]
-        trading = not a.essential and gain - parameters > evidence.clear_nats
+        alone = not a.essential or all(s.name in a.essential for s, _ in free if s.local)
+        trading = alone and gain - parameters > evidence.clear_nats
         if sizes and not trading and not any(_differs(s, p, fit, model, evidence.differs_deviations) for s, p in sizes):
             return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
         told = values_of(a, fit, model)

@@ -11,17 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.structure.baseline import mass_of, with_force
+from aeolid.diagnose.structure.eigenvectors import left_vectors
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Parameter, State
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
-Vectors = NDArray[np.complex128]
 VELOCITY_UNITS = {"m/s", "mm/s", "rad/s", "deg/s", "rpm", "1/min", "ticks/s"}
 ACCELERATION_UNITS = {"m/s^2", "m/s**2", "m/s2", "rad/s^2", "deg/s^2", "g"}
 LEAST_MODULUS = float(np.exp(-np.pi))  # of an eigenvalue: what decays faster than the Nyquist frequency is no motion
 _UNSEEN = 1e-9  # of an output's spread, by a mode of unit length
-_DEFECTIVE = 1e-7  # by which the inverse of the eigenvectors may miss the unit matrix
 _FORCE_OF_MASS = {
     "kg": ("force_N", "N"),
     "g": ("force_mN", "mN"),
@@ -109,25 +108,6 @@ def _force_on(name: str) -> Callable[[Equations, ast.expr, str], Equations]:
     return inject
 
 
-def _left_vectors(A: Array, values: Vectors, right: Vectors) -> Vectors:
-    """Return the left eigenvectors (n, n) by rows, each with product 1 with its right one.
-
-    A chain of delays has too few right eigenvectors for an inverse; the vectors of the oscillatory modes, which lie
-    apart from its eigenvalue 0, are then those of Aᵀ.
-    """
-    try:
-        found = np.asarray(np.linalg.inv(right), dtype=complex)
-        if np.all(np.isfinite(found)) and np.allclose(found @ right, np.eye(len(A)), atol=_DEFECTIVE):
-            return found
-    except np.linalg.LinAlgError:
-        pass
-    own, vectors = np.linalg.eig(A.T)
-    rows = np.stack([vectors[:, int(np.argmin(np.abs(own - value)))] for value in values])
-    products = np.sum(rows * right.T, axis=1)
-    safe = np.where(np.abs(products) > 0, products, 1.0)
-    return np.asarray(rows / safe[:, None], dtype=complex)
-
-
 def motions_of_state_space(
     model: StateSpace, converted: Equations, sizes: Array, spreads: Array
 ) -> tuple[list[Motion], Equations]:
@@ -137,7 +117,7 @@ def motions_of_state_space(
     the mode's scale and phase. Returns the motions, and the equations with their coordinates as intermediates.
     """
     values, right = (np.asarray(part, dtype=complex) for part in np.linalg.eig(model.A))
-    left = _left_vectors(model.A, values, right)
+    left = left_vectors(model.A, values, right)
     found: list[Motion] = []
     shared: list[Auxiliary] = []
     kept = np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > LEAST_MODULUS))

@@ -26,6 +26,7 @@ from aeolid.diagnose.structure.anatomy import (
     linear_in,
     next_of,
 )
+from aeolid.diagnose.structure.eigenvectors import inverse_of
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations
 from aeolid.models.state_space import StateSpace
@@ -61,11 +62,9 @@ def bodies_of_state_space(
     kept = values[abs(values) > LEAST_MODULUS].astype(complex)
     if not len(kept):  # nothing but the memory of a sample
         return [], converted
-    try:
-        left = np.linalg.inv(right)
-    except np.linalg.LinAlgError:  # no full set of modes
+    if (left := inverse_of(right)) is None:  # no full set of modes
         return [], converted
-    speeds = _speeds(model, (values.astype(complex), right.astype(complex), left.astype(complex)), sizes, y)
+    speeds = _speeds(model, (values.astype(complex), right.astype(complex), left), sizes, y)
     if (driven := _driven(model, speeds)) is None:
         return [], converted
     i, body = driven

@@ -8,6 +8,7 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.validation.proof import prove
 from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent
 from aeolid.diagnose.validation.sealed import Held, hold_against
@@ -49,14 +50,21 @@ def form_in_turn(
 def _with_more_in_turn(
     prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
 ) -> Held:
-    """Return what is held with the largest set, where the folds decide and bear that out, too."""
-    if turned is None or not turned.proves or held.proof is None or not is_silent(held.proof.interval):
+    """Return what is held with the largest set, where the folds bear it out and the sealed part does not refute it.
+
+    Asked where the sealed part is silent: of all that was found, or of what is beside the first effect. Of a throttle
+    plate's stop and dry friction that part bore out the stop, by 393 nats at a few impacts, beside which the friction's
+    -3 (-99 to 71) said nothing; the other data had gained 84 and 34 by it.
+    """
+    if turned is None or not turned.proves or held.proof is None or held.completed is not None:
         return held
     if len(chain) < 2 or held.several is not None or held.sets[0].key != chain[0].key:  # a rival took its place
-        return held
-    if not adds_in_turn(prepared, chain[0], chain[-1], seed):
         return held
     larger = estimated_on_all(prepared, chain[-1])
     before = unsealed.predictor, unsealed.fit
     proof = prove(before, (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed)
-    return Held((held.sets[0], larger), 1, None, proof) if proof.interval[1] > 0 else held
+    beside = block_interval(proof.difference - held.proof.difference, seed)
+    silent = is_silent(held.proof.interval) or is_silent(beside)
+    if not silent or proof.interval[1] <= 0 or not adds_in_turn(prepared, chain[0], chain[-1], seed):
+        return held
+    return Held((held.sets[0], larger), 1, None, proof)
