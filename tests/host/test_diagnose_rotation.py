@@ -108,6 +108,64 @@ def test_a_form_that_most_folds_choose_takes_the_place_of_a_name(
 
 
 @pytest.mark.parametrize(
+    ("chosen", "low", "sealed", "slight", "kept"),
+    [
+        (5, 30.0, (-1.0, 17.0), True, False), (4, 30.0, (-1.0, 17.0), True, False), (3, 30.0, (-1.0, 17.0), True, True),
+        (5, 1.0, (-1.0, 17.0), True, True), (5, 30.0, (9.0, 17.0), True, True), (5, 30.0, (-1.0, 17.0), False, True),
+    ],
+)  # fmt: skip
+def test_a_constant_that_most_folds_choose_takes_the_place_of_a_form(
+    chosen: int, low: float, sealed: tuple[float, float], slight: bool, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the sealed part does not bear the form out, and the constant is off by no more than is usual."""
+    constant = SimpleNamespace(key="frequency", unlisted=False)
+    form = SimpleNamespace(key="form", unlisted=True)
+    choices = [constant] * chosen + [form] * (5 - chosen)
+    folds = tuple(Fold("a", c, np.full(40, 1.0), (low, 60.0)) for c in choices)
+    before = SimpleNamespace(single=form, proof=SimpleNamespace(interval=sealed))
+    instead = SimpleNamespace(single=constant)
+    monkeypatch.setattr(in_turn, "hold_leader", lambda *_: instead)
+    monkeypatch.setattr(in_turn, "is_slight", lambda _: slight)
+    found: Any = in_turn.constant_in_turn
+    turned = Rotation(folds, (low, 300.0), False)
+    assert found(None, None, before, [constant], [], turned, 1) is (before if kept else instead)
+    assert found(None, None, before, [], [], turned, 1) is before
+    assert found(None, None, before, [constant], [], None, 1) is before
+    decided: Any = in_turn.decided_in_turn
+    if not kept:
+        result, rotation = decided(None, None, before, [constant], [], turned, 1)
+        assert result is instead and rotation.agrees and rotation.folds is turned.folds
+
+
+@pytest.mark.parametrize(
+    ("first", "both", "borne_out", "kept"),
+    [
+        ((5.0, 9.0), 0.0, True, True), ((5.0, 9.0), 0.0, False, False), ((5.0, 9.0), -9.0, True, False),
+        ((-1.0, 3.0), 0.0, True, True), ((5.0, 9.0), 99.0, True, False),
+    ],
+    ids=["silent of the second", "not by folds", "refuted", "silent of both", "borne out by itself"],
+)  # fmt: skip
+def test_a_second_effect_that_the_sealed_part_does_not_speak_of_is_decided_by_folds(
+    first: tuple[float, float], both: float, borne_out: bool, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a plate's stop and friction the sealed part told the stop alone; what it bears out itself is not asked."""
+    noise = np.random.default_rng(1).standard_normal(400)
+    one, two = (SimpleNamespace(key=k, predictor=None, fit=None) for k in ("stop", "stop + friction"))
+    proof = SimpleNamespace(interval=first, difference=np.zeros(400))
+    larger = SimpleNamespace(interval=(1.0, 9.0), difference=noise - noise.mean() + both / 40)
+    held: Any = in_turn.Held((one,), 0, None, proof)
+    monkeypatch.setattr(in_turn, "estimated_on_all", lambda _, c: c)
+    monkeypatch.setattr(in_turn, "prove", lambda *_: larger)
+    monkeypatch.setattr(in_turn, "adds_in_turn", lambda *_: borne_out)
+    monkeypatch.setattr(in_turn.Held, "several", None)
+    turned = Rotation((Fold("a", one, np.full(40, 1.0), (30.0, 60.0)),), (30.0, 300.0), True)  # type: ignore[arg-type]
+    stage: Any = SimpleNamespace(predictor=None, fit=None, split=SimpleNamespace(sealed=()), settle_s=1.0)
+    found = in_turn._with_more_in_turn(stage, stage, held, [one, two], turned, 1)  # type: ignore[list-item]
+    assert (found is not held) is kept
+    assert not kept or (found.kept == 1 and found.sets == (one, two))
+
+
+@pytest.mark.parametrize(
     ("intervals", "agrees", "against"),
     [
         (((60.0, 80.0), (60.0, 75.0), (0.0, 0.0), (-800.0, -600.0), (60.0, 73.0)), True, 1),

@@ -137,7 +137,7 @@ def study(
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
     turned = None if held.single is None else rotate(prepared, bank, candidates, held.single, seed)
-    held = decided_in_turn(prepared, unsealed, held, chain, candidates, turned, seed)
+    held, turned = decided_in_turn(prepared, unsealed, held, chain, candidates, turned, seed)
     done()
     done = step("evidence", 0.68)
     bands, cells, equations = _evidence(prepared, case, seed)
