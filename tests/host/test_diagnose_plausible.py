@@ -15,6 +15,7 @@ from study_modules import load_study
 from aeolid.diagnose.baseline.prepare import prepare
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.entries import end_stop
 from aeolid.diagnose.hypotheses.parts.base import Z90, Slot
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
@@ -70,6 +71,25 @@ def test_values_that_trade_are_judged_together(gain: float, refused: bool) -> No
     assert bool(objection([effect(SIZE)], alone, lag, gain, 1)) is refused
     essential = effect(SIZE, SHAPE, essential=("inverse",))
     assert "does not differ from none" in objection([essential], fit, model, gain, 2)
+
+
+def test_a_stop_is_there_though_its_stiffness_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few impacts tell that there is one, 69 nats, and not how stiff: 184,000 +- 920,000 per s²."""
+    found: list[Any] = []
+    monkeypatch.setattr(
+        end_stop, "force_on", lambda motion, number, kind, slots, form, **more: found.append((slots, more))
+    )
+    motion: Any = SimpleNamespace(
+        position_unit="rad", recorded=None, velocity_size=1.0, position_size=1.0, force_size=30.0, location="state:v",
+        force_unit="rad/s^2",
+    )  # fmt: skip
+    monkeypatch.setattr(end_stop, "travel", lambda site, motion: (0.0, 1.0))
+    end_stop._on(SimpleNamespace(model=SimpleNamespace(sample_time_s=0.0)), motion, 0)  # type: ignore[arg-type]
+    slots, more = found[0]
+    fit, model = fitted(slots, (1.84e5, -0.9, 0.9, 0.0), (9.2e5, 1e9, 0.02, 6.0))
+    stop = effect(*slots, fixed={}, **{k: more[k] for k in ("essential",) if k in more})
+    told = objection([stop], fit, model, 69.4, 4)
+    assert "stop_stiffness" not in told and bool(objection([stop], fit, model, 9.0, 4))
 
 
 @pytest.mark.parametrize(("std", "refused"), [(1.9, True), (0.2, True), (0.1, False)])

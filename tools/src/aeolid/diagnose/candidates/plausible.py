@@ -53,9 +53,10 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
     Shapes (the damping of a filter) that the data leave open are no objection wherever they ran: the size is known all
     the same. Sizes that trade with each other, or with what else is free, may each lie within two deviations of none
     though they are clearly there: without them the gain is lost, which the curvature where they are does not say (of
-    a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). But a loop of
-    which is not known where it yields has a stiffness only, and is a spring. What changes at a time must be seen both
-    ways: else a value is wrong, and nothing changes.
+    a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all; how stiff a stop
+    is, few impacts tell, and 69 nats that there is one). But a loop of which is not known where it yields has a
+    stiffness only, and is a spring. What changes at a time must be seen both ways: else a value is wrong, and nothing
+    changes.
     """
     evidence = in_force().evidence
     for a in attachments:
@@ -71,8 +72,7 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
             return f"{a.key}: {reason}"
         sizes = [(s, p) for s, p in free if s.label and (s.name in a.essential if a.essential else s.local)]
-        alone = not a.essential or all(s.name in a.essential for s, _ in free if s.local)
-        trading = alone and gain - parameters > evidence.clear_nats
+        trading = not a.essential and gain - parameters > evidence.clear_nats
         if sizes and not trading and not any(_differs(s, p, fit, model, evidence.differs_deviations) for s, p in sizes):
             return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
         told = values_of(a, fit, model)

@@ -51,7 +51,7 @@ def _on(site: Site, motion: Motion, number: int) -> Attachment:
         motion, number, "end_stop", tuple(slots),
         (_LOSSY if lossy else _ELASTIC).format(k=stop, low=low, high=high, loss=loss, q="{q}", v="{v}"),
         grid=tuple({low: middle + a * half, high: middle + b * half} for a, b in ends), starts=tuple(starts),
-        equation=_equation(_LOSSY if lossy else _ELASTIC), essential=(stop,),
+        equation=_equation(_LOSSY if lossy else _ELASTIC),
         statement=partial(_statement, motion.location, (length, unit), idle),
     )  # fmt: skip
 
