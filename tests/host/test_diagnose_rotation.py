@@ -138,19 +138,28 @@ def test_a_constant_that_most_folds_choose_takes_the_place_of_a_form(
 
 
 @pytest.mark.parametrize(
-    ("first", "both", "borne_out", "kept"),
+    ("first", "both", "borne_out", "more", "kept"),
     [
-        ((5.0, 9.0), 0.0, True, True), ((5.0, 9.0), 0.0, False, False), ((5.0, 9.0), -9.0, True, False),
-        ((-1.0, 3.0), 0.0, True, True), ((5.0, 9.0), 99.0, True, False),
+        ((5.0, 9.0), 0.0, True, 20.0, True), ((5.0, 9.0), 0.0, False, 20.0, False),
+        ((5.0, 9.0), -9.0, True, 90.0, False), ((-1.0, 3.0), 0.0, True, 20.0, True),
+        ((5.0, 9.0), 99.0, True, 90.0, False), ((5.0, 9.0), 0.0, False, 90.0, True),
     ],
-    ids=["silent of the second", "not by folds", "refuted", "silent of both", "borne out by itself"],
+    ids=["silent of the second", "not by folds", "refuted", "silent of both", "borne out by itself", "one of both"],
 )  # fmt: skip
 def test_a_second_effect_that_the_sealed_part_does_not_speak_of_is_decided_by_folds(
-    first: tuple[float, float], both: float, borne_out: bool, kept: bool, monkeypatch: pytest.MonkeyPatch
+    first: tuple[float, float], both: float, borne_out: bool, more: float, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a plate's stop and friction the sealed part told the stop alone; what it bears out itself is not asked."""
+    """Of a plate's stop and friction the sealed part told the stop alone; what it bears out itself is not asked.
+
+    Where the folds are silent, too: both, if alone they are not told apart and together they explain far more.
+    """
     noise = np.random.default_rng(1).standard_normal(400)
-    one, two = (SimpleNamespace(key=k, predictor=None, fit=None) for k in ("stop", "stop + friction"))
+    places = [SimpleNamespace(key=k) for k in ("stop", "friction")]
+    one, two = (
+        SimpleNamespace(key=k, predictor=None, fit=None, score=s, attachments=places[:n])
+        for k, s, n in (("stop", 60.0, 1), ("stop + friction", 60.0 + more, 2))
+    )
+    monkeypatch.setattr(in_turn, "rivals_of", lambda *_: places[1:])
     proof = SimpleNamespace(interval=first, difference=np.zeros(400))
     larger = SimpleNamespace(interval=(1.0, 9.0), difference=noise - noise.mean() + both / 40)
     held: Any = in_turn.Held((one,), 0, None, proof)
@@ -160,7 +169,7 @@ def test_a_second_effect_that_the_sealed_part_does_not_speak_of_is_decided_by_fo
     monkeypatch.setattr(in_turn.Held, "several", None)
     turned = Rotation((Fold("a", one, np.full(40, 1.0), (30.0, 60.0)),), (30.0, 300.0), True)  # type: ignore[arg-type]
     stage: Any = SimpleNamespace(predictor=None, fit=None, split=SimpleNamespace(sealed=()), settle_s=1.0)
-    found = in_turn._with_more_in_turn(stage, stage, held, [one, two], turned, 1)  # type: ignore[list-item]
+    found = in_turn._with_more_in_turn(stage, stage, held, [one, two], [one], turned, 1)  # type: ignore[list-item]
     assert (found is not held) is kept
     assert not kept or (found.kept == 1 and found.sets == (one, two))
 

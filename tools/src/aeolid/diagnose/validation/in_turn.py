@@ -10,6 +10,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.candidates.slight import is_slight
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.selection.rivals import rivals_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.validation.proof import prove
 from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent
@@ -28,7 +29,9 @@ def decided_in_turn(
     if constant is not held and turned is not None:
         return constant, replace(turned, agrees=True)
     form = form_in_turn(prepared, unsealed, held, candidates, turned, seed)
-    return (_with_more_in_turn(prepared, unsealed, held, chain, turned, seed) if form is held else form), turned
+    if form is not held:
+        return form, turned
+    return _with_more_in_turn(prepared, unsealed, held, chain, candidates, turned, seed), turned
 
 
 def constant_in_turn(
@@ -76,13 +79,15 @@ def form_in_turn(
 
 
 def _with_more_in_turn(
-    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
-) -> Held:
+    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], candidates: Sequence[Candidate],
+    turned: Rotation | None, seed: int,
+) -> Held:  # fmt: skip
     """Return what is held with the largest set, where the folds bear it out and the sealed part does not refute it.
 
     Asked where the sealed part is silent: of all that was found, or of what is beside the first effect. Of a throttle
     plate's stop and dry friction that part bore out the stop, by 393 nats at a few impacts, beside which the friction's
-    -3 (-99 to 71) said nothing; the other data had gained 84 and 34 by it.
+    -3 (-99 to 71) said nothing; the other data had gained 84 and 34 by it. Where the impacts leave the folds silent,
+    too, both are told if the answer would else be one of both.
     """
     if turned is None or not turned.proves or held.proof is None or held.completed is not None:
         return held
@@ -93,6 +98,15 @@ def _with_more_in_turn(
     proof = prove(before, (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed)
     beside = block_interval(proof.difference - held.proof.difference, seed)
     silent = is_silent(held.proof.interval) or is_silent(beside)
-    if not silent or proof.interval[1] <= 0 or not adds_in_turn(prepared, chain[0], chain[-1], seed):
+    if not silent or proof.interval[1] <= 0:
         return held
-    return Held((held.sets[0], larger), 1, None, proof)
+    asked = _are_both(chain, candidates) or adds_in_turn(prepared, chain[0], chain[-1], seed)
+    return Held((held.sets[0], larger), 1, None, proof) if asked else held
+
+
+def _are_both(chain: Sequence[Candidate], candidates: Sequence[Candidate]) -> bool:
+    """Tell whether a set is of two effects that alone are not told apart, and that together explain far more."""
+    first, both = chain[0], chain[-1]
+    if len(both.attachments) != 2 or both.score <= first.score + in_force().selection.beyond_doubt_nats:
+        return False
+    return any(c.key == both.attachments[-1].key for c in rivals_of(candidates, first))
