@@ -57,5 +57,5 @@ def test_each_way_of_choosing_a_level_has_its_name_and_spacing(tmp_path: Path, f
     told = found["effects"][0]
     assert told["id"] == "input_quantisation"
     assert told["parameters"]["spacing"]["value"] == pytest.approx(SPACING, rel=0.01)
-    words = {"": "", ", between": "beside zero", ", down": "below the command", ", towards zero": "nearer to zero"}
+    words = {"": "", ", between": "none at zero", ", down": "below the command", ", towards zero": "nearer to zero"}
     assert words[form] in found["statement"]

@@ -28,9 +28,9 @@ class _Form:
 
 _FORMS = (
     _Form("input_quantisation", "", "", "spacing*round({0}/spacing)"),
-    _Form("input_mid_rise", ", between", ", half a step beside zero", "spacing*(floor({0}/spacing) + 1/2)"),
-    _Form("input_floor", ", down", ", the one below the command", "spacing*floor({0}/spacing)"),
-    _Form("input_truncation", ", towards zero", ", the one nearer to zero", "spacing*trunc({0}/spacing)"),
+    _Form("input_mid_rise", ", between", ", none at zero", "spacing*(floor({0}/spacing) + 1/2)"),
+    _Form("input_floor", ", down", ", always the one below the command", "spacing*floor({0}/spacing)"),
+    _Form("input_truncation", ", towards zero", ", always the one nearer to zero", "spacing*trunc({0}/spacing)"),
 )
 
 
