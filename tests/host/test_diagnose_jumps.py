@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
-from aeolid.diagnose.candidates.seen_values import between_jumps, with_jump_deviations
+from aeolid.diagnose.candidates.seen_values import at_round_values, between_jumps, rounded, with_jump_deviations
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
 from aeolid.diagnose.predictor.fitted import Fit
@@ -98,3 +98,26 @@ def test_its_deviation_is_where_the_likelihood_falls(stage: Prepared) -> None:
     assert 0 < told.std[place] < 0.02
     assert abs(value - BAND) < 3 * told.std[place] + 0.01
     assert np.array_equal(np.delete(told.std, place), np.delete(fit.std, place))
+
+
+def test_the_roundest_number_that_fits_as_well_is_told(stage: Prepared) -> None:
+    """Between two jumps any value fits as well; one that fits worse by more than a nat is none of them."""
+    predictor, fit, free, own = held_by(stage, 1.9)
+    index = predictor.compiled.model.index(slot_of(own).name)
+    found = between_jumps(predictor, fit, free, (own,))
+    told = at_round_values(predictor, found, free, (own,))
+    assert float(told.point.theta[index]) == BAND
+    assert told.log_posterior > found.log_posterior - 1.0
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf, -np.inf, 5e-324, 1.7e308])
+def test_what_has_no_digits_has_no_round_numbers(value: float) -> None:
+    assert rounded(value) == []
+
+
+@pytest.mark.parametrize("value", [1e-299, 1e299, 9.97, -0.0731])
+def test_round_numbers_are_near(value: float) -> None:
+    """Within half of the first digit, of half of it, of a tenth of it."""
+    found = rounded(value)
+    assert found and all(abs(r - value) <= 0.51 * 10.0 ** np.floor(np.log10(abs(value))) for r in found)
+    assert abs(found[-1] - value) <= 0.051 * 10.0 ** np.floor(np.log10(abs(value)))

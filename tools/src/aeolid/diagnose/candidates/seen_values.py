@@ -15,6 +15,7 @@ from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
+_SMALLEST = 1e-300  # value of which there are round numbers, and the inverse of the largest
 _DISTANCES = 40  # at which a value is looked at to either side, from a millionth of its range to all of it
 
 
@@ -100,8 +101,14 @@ def at_round_values(predictor: Predictor, fit: Fit, free: Free, attachments: Seq
 
 
 def rounded(value: float) -> list[float]:
-    """Return the nearest numbers of one digit, of one and a half and of two, roundest first; none for zero."""
-    if value == 0 or not np.isfinite(value):
+    """Return the nearest numbers of one digit, of one and a half and of two, roundest first.
+
+    None for zero, and where a tenth of a digit or ten times the value is no number any more.
+
+    >>> rounded(0.507), rounded(-14.0), rounded(0.0)
+    ([0.5, 0.51], [-10.0, -15.0, -14.0], [])
+    """
+    if not _SMALLEST < abs(value) < 1 / _SMALLEST:
         return []
     digit = int(np.floor(np.log10(abs(value))))
     steps = [10.0**digit, 5 * 10.0 ** (digit - 1), 10.0 ** (digit - 1)]
