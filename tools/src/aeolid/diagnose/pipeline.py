@@ -35,11 +35,12 @@ from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.beside_constants import settled_beside_constants
+from aeolid.diagnose.selection.beside_rivals import further_beside_any
 from aeolid.diagnose.selection.exchange import Alternative, exchanged
 from aeolid.diagnose.selection.first_effect import find_first, first_effect
 from aeolid.diagnose.selection.lasting import worsening
 from aeolid.diagnose.selection.rivals import outdone_by
-from aeolid.diagnose.selection.several import further_effects, what_is_left
+from aeolid.diagnose.selection.several import what_is_left
 from aeolid.diagnose.validation.adequate import is_adequate_alone
 from aeolid.diagnose.validation.beyond import form_beyond
 from aeolid.diagnose.validation.in_turn import decided_in_turn
@@ -264,9 +265,9 @@ def _accused(
 def _all_effects(
     prepared: Prepared, winner: Candidate | None, candidates: Sequence[Candidate], top: Ceiling, seed: int
 ) -> tuple[list[Candidate], tuple[Alternative, ...], Bank | None]:
-    """Look for effects beside the winner; a form outside the catalogue that explains far more takes their place.
+    """Return the sets, smallest first, what the data do not tell from the largest, and what the bank then says.
 
-    Returns the sets, smallest first, what the data do not tell from the largest, what the bank then says.
+    A form outside the catalogue that explains far more takes their place.
     """
     chain, after_bank = _further(prepared, winner, candidates, top, seed)
     chain, beside = settled_beside_constants(prepared, chain, candidates, seed)
@@ -282,8 +283,7 @@ def _further(
 ) -> tuple[list[Candidate], Bank | None]:
     """Look for effects beside the first one; returns the sets, smallest first, and what the bank then says.
 
-    On a simulator's run, where each fit takes half a minute, none are fitted where the first one already explains more
-    of the selection data than a model-free correction does.
+    On a simulator's run none are fitted where the first one explains more than a model-free correction does.
     """
     if winner is None:
         return [], None
@@ -291,7 +291,7 @@ def _further(
         return [winner], None
     if prepared.surrogate is not None and winner.select_gain > float(top.select.sum()):
         return [winner], what_is_left(prepared, winner, seed)
-    return further_effects(prepared, winner, candidates, seed)
+    return further_beside_any(prepared, winner, candidates, seed)
 
 
 def _exchanged(
