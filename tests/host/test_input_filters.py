@@ -12,7 +12,7 @@ from scipy import signal
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
-from aeolid.models.integrate import apply_filters, compile_equations, driven, simulate
+from aeolid.models.integrate import behind_filters, compile_equations, driven, simulate
 
 Array = NDArray[np.float64]
 FINE = 1000
@@ -229,7 +229,7 @@ def test_a_limit_acts_on_the_command_as_it_was_given_however_late_that_is(kind: 
     """
     values, offset = LIMITS[kind], 0.6
     model = chained(tmp_path, {"offset_s": offset * STEP}, kind, values)
-    found = apply_filters(model, JUMPS[:, None], model.theta, STEP)[:, 0]
+    found = behind_filters(model, JUMPS[:, None], model.theta, STEP)[0]
     fine = KINDS[kind].rule(held(JUMPS), np.array([*values, 1.0]), STEP / FINE, WHOLE)
     far = round(offset * FINE)
     expected = means(np.concatenate([np.full(far, fine[0]), fine])[: len(fine)])
@@ -247,16 +247,16 @@ def test_behind_a_limit_the_filter_of_all_outputs_sees_the_mean_of_each_sample(k
     """In one piece and in two the same means; of a limit that is blended out, bit for bit the filter alone."""
     late = {"offset_s": 0.3 * STEP, "delay_s": 0.4 * STEP}
     model = chained(tmp_path, late, kind, LIMITS[kind])
-    whole = apply_filters(model, JUMPS[:, None], model.theta, STEP)
-    both = apply_filters(model, np.repeat(JUMPS, 2)[:, None], model.theta, STEP, SPLIT).reshape(-1, 2)
-    np.testing.assert_allclose(both @ SPLIT, whole[:, 0], atol=1e-9)
+    whole = behind_filters(model, JUMPS[:, None], model.theta, STEP)[0]
+    both = behind_filters(model, JUMPS[:, None], model.theta, STEP, SPLIT)[0].reshape(-1, 2)
+    np.testing.assert_allclose(both @ SPLIT, whole, atol=1e-9)
     limited = KINDS[kind].rule(JUMPS, np.array([*LIMITS[kind], 1.0]), STEP, WHOLE)
     expected = KINDS["intersample_filtered"].rule(limited, np.array(list(late.values())), STEP, WHOLE)
-    np.testing.assert_allclose(whole[:, 0], expected, atol=1e-12)
+    np.testing.assert_allclose(whole, expected, atol=1e-12)
     theta = model.theta
     theta[model.index("share")] = 0.0
     bare = KINDS["intersample_filtered"].rule(JUMPS, np.array(list(late.values())), STEP, WHOLE)
-    np.testing.assert_array_equal(apply_filters(model, JUMPS[:, None], theta, STEP)[:, 0], bare)
+    np.testing.assert_array_equal(behind_filters(model, JUMPS[:, None], theta, STEP)[0], bare)
 
 
 def test_a_model_file_may_name_every_kind(tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_a_model_file_may_name_every_kind(tmp_path: Path) -> None:
         u = SMOOTH[:, None]
         expected = apply(kind, SMOOTH, *(values[s] for s in rule.slots))
         for m in (model, again):
-            np.testing.assert_allclose(apply_filters(m, u, m.theta, STEP)[:, 0], expected, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(behind_filters(m, u, m.theta, STEP)[0], expected, rtol=1e-12, atol=1e-12)
     y = simulate(compile_equations(again), u, again.theta, again.x0, STEP)
     expected = apply(kind, SMOOTH, *(values[s] for s in rule.slots), part=SEEN)  # an output is a sample, no mean
     np.testing.assert_allclose(y[:, 0], expected, rtol=1e-12, atol=1e-12)

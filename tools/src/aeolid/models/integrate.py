@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations, InputFilter
 from aeolid.models.input_filters import CHANGING, HELD_LATE, KINDS, LIMITING, QUARTERS, SPLIT, WHOLE
-from aeolid.models.intersample import MOVING, as_held, slopes, slopes_of_quarters
+from aeolid.models.intersample import MOVING, slopes, slopes_of_quarters
 from aeolid.models.machine_code import LANES, MachineCode, translate
-from aeolid.models.march import fastest_at_most, march, outputs, reading_jacobian, settle, slope, state_jacobian
+from aeolid.models.march import (
+    fastest_at_most,
+    input_jacobian,
+    march,
+    outputs,
+    reading_jacobian,
+    settle,
+    slope,
+    state_jacobian,
+)
+from aeolid.models.ramps import added_by_ramps
 
 Array = NDArray[np.float64]
 _MAX_SUBSTEPS = 200  # beyond that the model is stiff and the equations, not the sampling, need a look
@@ -27,6 +37,7 @@ class Compiled:
 
     model: Equations
     code: MachineCode
+    _kept: dict[str, tuple[bytes, Array]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def start(self) -> Array:
@@ -58,8 +69,12 @@ class Compiled:
 
     @cached_property
     def stepping(self) -> set[str]:
-        """Return the held inputs that change within a sample all the same, behind a lag or late by part of one."""
-        return {f.channel for f in self.model.filters if f.kind in CHANGING} - self.moving
+        """Return the held inputs that change within a sample all the same, behind a lag or late by part of one.
+
+        None of a model in discrete time, which was made for inputs that are held.
+        """
+        held = set() if self.model.sample_time_s else {f.channel for f in self.model.filters if f.kind in CHANGING}
+        return held - self.moving
 
     @cached_property
     def behind_steps(self) -> Equations:
@@ -68,8 +83,8 @@ class Compiled:
 
     @property
     def ramps(self) -> bool:
-        """Tell whether the states follow such changes; one step of a discrete-time model has no within."""
-        return bool(self.moving or self.stepping) and not self.model.sample_time_s
+        """Tell whether the states follow such changes."""
+        return bool(self.moving or self.stepping)
 
     def which_move(self, width: int) -> NDArray[np.bool_]:
         """Return which of `width` columns of inputs change within a sample."""
@@ -88,7 +103,7 @@ class Compiled:
         """Return innovations (N, l), predictions (N, l), states (N + 1, n + memories); U as `driven` gives it."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._parts(U), step, count, stride, generate, True,
+            contiguous(K), contiguous(x0), self._parts(U), self._ramped(U, theta), step, count, stride, generate, True,
         )  # fmt: skip
 
     def innovations(
@@ -97,7 +112,7 @@ class Compiled:
         """Return the innovations (N, l) alone."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._parts(U), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._parts(U), self._ramped(U, theta), step, count, stride, False, False,
         )[0]  # fmt: skip
 
     def predict_wide(
@@ -109,7 +124,7 @@ class Compiled:
         """
         e = march(
             addresses(self.wide), LANES, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._parts(U), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._parts(U), self._ramped(U, theta), step, count, stride, False, False,
         )[0]  # fmt: skip
         return e.reshape(*Y.shape, LANES)
 
@@ -120,6 +135,26 @@ class Compiled:
         """
         width = int(U.shape[1]) // (1 + self.looks + self.ramps)
         return (width if self.looks else 0), (width * (1 + self.looks) if self.ramps else 0)
+
+    def _ramped(self, U: Array, theta: Array) -> Array:
+        """Return what a change of the inputs within a step adds to the states (n, r, lanes); r 0 where none changes.
+
+        Only of a model in discrete time, linearised at its start without inputs; theta (np,) or (np, lanes). The last
+        one is kept: a recording may be run in many short pieces.
+        """
+        ramp, n = self._parts(U)[1], len(self.model.states)
+        if not (ramp and n and self.model.sample_time_s):
+            return np.zeros((n, 0, 1))
+        asked = theta.tobytes()
+        if (known := self._kept.get("ramped")) is not None and known[0] == asked:
+            return known[1]
+        lanes, u = contiguous(theta.reshape(len(theta), -1).T), np.zeros(len(self.model.inputs))
+        x = self.settled(self.start, u, lanes[0])
+        A = np.stack([state_jacobian(self.code.flow, n, x, u, th) for th in lanes])
+        B = np.stack([input_jacobian(self.code.flow, n, x, u, th) for th in lanes])
+        found = np.ascontiguousarray(added_by_ramps(A, B).transpose(1, 2, 0))
+        self._kept["ramped"] = asked, found
+        return found
 
     def slope(self, x: Array, u: Array, theta: Array) -> Array:
         """Return dx/dt (n,), or the next state in discrete time; x (n + memories,), memories renewed."""
@@ -135,10 +170,11 @@ class Compiled:
 
     def settled(self, x: Array, u: Array, theta: Array, step: float = 1.0) -> Array:
         """Return x (n,) or (n + memories,) with the memories settled for it."""
-        n = len(self.model.states)
-        result = np.concatenate([x[:n], np.full(len(self.model.memories), np.nan)])
-        if self.model.memories:
-            settle(self.code.renew, result, contiguous(u), contiguous(theta), step)
+        n, memories = len(self.model.states), len(self.model.memories)
+        if not memories:
+            return x[:n].copy()
+        result = np.concatenate([x[:n], np.full(memories, np.nan)])
+        settle(self.code.renew, result, contiguous(u), contiguous(theta), step)
         return result
 
 
@@ -191,11 +227,13 @@ def substeps(compiled: Compiled, middle: Array, theta: Array, x0: Array, step: f
     """
     if compiled.model.sample_time_s > 0 or not len(x0):
         return 1
-    rest = x0.copy()
-    rest[compiled.velocities] = 0.0
-    places = [x0, rest] if np.any(x0[compiled.velocities]) else [x0]
-    settled = np.array([compiled.settled(x, middle, theta) for x in places])
     u, th, n = contiguous(middle), contiguous(theta), len(compiled.model.states)
+    places = [x0]
+    if x0[compiled.velocities].any():
+        rest = x0.copy()
+        rest[compiled.velocities] = 0.0
+        places.append(rest)
+    settled = np.array([compiled.settled(x, u, th) for x in places])
     if fastest_at_most(compiled.code.flow, n, settled, u, th) * step <= 0.5:
         return 1
     jacobians = np.stack([state_jacobian(compiled.code.flow, n, x, u, th) for x in settled])
@@ -226,28 +264,33 @@ def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
     An output is sampled as a step begins, the states follow what acts over all of it. What is seen (r columns) is there
     only where an output looks; by how much each input changes within the step (r columns) only where one does.
     """
+    model, width = compiled.model, u.shape[1]
+    if not model.filters:
+        return np.ascontiguousarray(u)
+    result = np.empty((len(u), width * (1 + compiled.looks + compiled.ramps)))
+    means = result[:, :width]
+    means[:] = u
     if compiled.looks:
-        both = apply_filters(compiled.model, np.repeat(u, 2, axis=0), theta, step, SPLIT)
-        first, second = both[::2], both[1::2]
-        means = first + SPLIT[1] * (second - first)  # to the last digit where nothing lasts
-        parts = [means, first]
+        seen = result[:, width : 2 * width]
+        seen[:] = u
+        for column, both in behind_filters(model, u, theta, step, SPLIT).items():
+            first, second = both[::2], both[1::2]
+            seen[:, column] = first
+            means[:, column] = first + SPLIT[1] * (second - first)  # to the last digit where nothing lasts
     else:
-        means = apply_filters(compiled.model, u, theta, step)
-        parts = [means]
+        for column, values in behind_filters(model, u, theta, step).items():
+            means[:, column] = values
     if compiled.ramps:
-        parts = [*parts, _change_within(compiled, u, means, theta, step)]
-    elif compiled.moving:
-        parts = [as_held(means, compiled.which_move(means.shape[1])), *parts[1:]]
-    return np.hstack(parts) if len(parts) > 1 else means
+        result[:, -width:] = _change_within(compiled, u, means, theta, step)
+    return result
 
 
 def _change_within(compiled: Compiled, u: Array, means: Array, theta: Array, step: float) -> Array:
     """Return by how much inputs change within each step: those that are not held, and held ones behind filters."""
     found = slopes(means, compiled.which_move(means.shape[1])) if compiled.moving else np.zeros(u.shape)
-    own = [i for i, s in enumerate(compiled.model.inputs) if s.name in compiled.stepping]
-    if own:
-        quarters = apply_filters(compiled.behind_steps, np.repeat(u, 4, axis=0), theta, step, QUARTERS)
-        found[:, own] = slopes_of_quarters(quarters[:, own])
+    if compiled.stepping:
+        for column, quarters in behind_filters(compiled.behind_steps, u, theta, step, QUARTERS).items():
+            found[:, column] = slopes_of_quarters(quarters)
     return found
 
 
@@ -262,23 +305,23 @@ def _in_order(filters: tuple[InputFilter, ...]) -> tuple[InputFilter, ...]:
     return (*before, *late, *(f for f in filters[last + 1 :] if f not in late))
 
 
-def apply_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> Array:
-    """Pass inputs (N·p, r) through what lies in front of the plant, in the order of the model's filters.
+def behind_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> dict[int, Array]:
+    """Pass inputs (N, r) through what lies in front of the plant, in the order of the model's filters.
 
     But a held command that is late, or whose outputs are filtered, passes limits, plays and steps first, as it was
     given: the mean of a step that comes late by a part of a sample is a command that nobody gave.
 
-    pieces (p,): of a step, of which the rows are the means, one after another; in one piece the recorded inputs.
+    pieces (p,): of a step. Returns the means over them (N·p,), one after another, by the column of each input that
+    passes a filter.
     """
-    if not model.filters:
-        return np.ascontiguousarray(u)
-    result = np.array(u, dtype=float)
-    names = [s.name for s in model.inputs]
+    names, found = [s.name for s in model.inputs], dict[int, Array]()
     for f in _in_order(model.filters):
         column = names.index(f.channel)
+        if column not in found:
+            found[column] = np.repeat(u[:, column], len(pieces)).astype(np.float64, copy=False)
         values = np.array([theta[model.index(p)] for p in f.parameters])
-        result[:, column] = KINDS[f.kind].rule(np.ascontiguousarray(result[:, column]), values, step, pieces)
-    return result
+        found[column] = KINDS[f.kind].rule(found[column], values, step, pieces)
+    return found
 
 
 def _check_step(model: Equations, step: float) -> None:

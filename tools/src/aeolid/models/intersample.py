@@ -98,13 +98,13 @@ def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:
 
 
 def slopes_of_quarters(quarters: Array) -> Array:
-    """Return by how much inputs change within each sample, from means over its quarters (N·4, r): (N, r).
+    """Return by how much an input changes within each sample (N,), from its means over the quarters (N·4,).
 
     The line about the mean that has the same first moment, 12 ∫ (t - 1/2) u dt: exact for steps at quarters (1.5 of one
     in the middle), 6 % less than a straight line changes.
     """
-    parts = quarters.reshape(-1, 4, quarters.shape[1])
-    found: Array = 0.375 * (parts[:, 2] - parts[:, 1]) + 1.125 * (parts[:, 3] - parts[:, 0])
+    first, second, third, last = quarters.reshape(-1, 4).T
+    found: Array = 0.375 * (third - second) + 1.125 * (last - first)
     return found
 
 
@@ -120,15 +120,14 @@ def _slope_weights() -> Array:
 _WEIGHTS = _slope_weights()
 
 
-def as_held(means: Array, moving: NDArray[np.bool_]) -> Array:
-    """Return the held inputs (N, r) that act as moving ones of these means do: m less δ²m/12.
+def straightened(samples: Array, smooth: NDArray[np.bool_]) -> Array:
+    """Return inputs (N, r) whose straight lines act as the smooth curve through these samples does: m less δ²m/12.
 
-    A held sine acts as sinc(θ/2) of itself, θ = ωh, and is a mean already: 1 + θ²/12 makes up for both. Of a model in
-    discrete time, made by holding its inputs, what is left is the slope within a sample: of a pole a, ah θ/12 of the
-    response, where held samples are off by θ/2.
+    Straight lines let sinc²(θ/2) of a sine through, θ = ωh: 1 + θ²/12 makes up for it. smooth (r,): inputs
+    that are.
     """
-    found = means.copy()
-    if len(means) > 2:
-        m = means[:, moving]
-        found[1:-1, moving] -= (m[2:] - 2 * m[1:-1] + m[:-2]) / 12
+    found = samples.copy()
+    if len(samples) > 2:
+        m = samples[:, smooth]
+        found[1:-1, smooth] -= (m[2:] - 2 * m[1:-1] + m[:-2]) / 12
     return found

@@ -17,7 +17,7 @@ from aeolid.models.blade_sets import with_multiblade
 from aeolid.models.divergence import Divergence, divergence_of
 from aeolid.models.equations import TIME
 from aeolid.models.exchange.files import FOREIGN, read_state_space
-from aeolid.models.intersample import as_held
+from aeolid.models.intersample import straightened
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.model_file import Signal
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
@@ -85,8 +85,8 @@ class LinearModel:
         model = discretise(self.state_space, record.sample_time_s, holds)
         require_sample_time(model, record)
         u = require_complete(record, model.inputs)
-        if not self.state_space.sample_time_s:  # straight lines let sinc² of a sine through, which this makes up for
-            u = as_held(u, np.array([h == "band_limited" for h in holds], dtype=bool))
+        if not self.state_space.sample_time_s:  # discretised for straight lines
+            u = straightened(u, np.array([h == "band_limited" for h in holds], dtype=bool))
         with np.errstate(all="ignore"):  # an unstable model may overflow; the caller sees what is not finite
             return model.simulate(u, self._start(model, record, u))
 

@@ -84,15 +84,28 @@ def _advance(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _add_ramps(ramped: Array, U: Array, row: int, ramp: int, x: Array) -> None:
+    """Add to x what the changes of the inputs within a row have moved, ramped (n, r, lanes)."""
+    n, inputs, lanes = ramped.shape
+    for j in range(inputs):
+        change = U[row, ramp + j]
+        if change != 0.0:
+            for i in range(n):
+                for p in range(lanes):
+                    x[i * lanes + p] += ramped[i, j, p] * change
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def march(
     code: tuple[int, int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
-    parts: tuple[int, int], step: float, count: int, stride: int, generate: bool, whole: bool,
+    parts: tuple[int, int], ramped: Array, step: float, count: int, stride: int, generate: bool, whole: bool,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Predict through a recording: e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added.
 
     U (N · stride, r) and Y (N, l) are the same for all lanes; of parts (seen, ramp) outputs read U from column `seen`
     on, and from `ramp` on (0: nowhere) stands by how much each input changes within a row about its mean. th
-    (np, lanes), K (n, l, lanes), x0 (n + memories, lanes). The model runs at the inputs' rate, `count` classical
+    (np, lanes), K (n, l, lanes), x0 (n + memories, lanes); ramped (n, r, lanes): what such a change adds to the states
+    of a discrete model, r of 0 for nothing. The model runs at the inputs' rate, `count` classical
     Runge–Kutta steps a row of U (or one step of a discrete model), the outputs correct it at theirs; a missing y (NaN)
     corrects nothing. s is the slope of a folding sensor. With `generate` Y holds innovations and the states follow from
     them. All arrays C-contiguous.
@@ -118,6 +131,7 @@ def march(
         if discrete:
             for part in range(stride):
                 _call4(flow, at, u + _WORD * U.shape[1] * part, thetas, at)
+                _add_ramps(ramped, U, k * stride + part, ramp, x)
         else:
             mid[:] = x
             for part in range(stride):
@@ -160,6 +174,21 @@ def state_jacobian(flow: int, n: int, x: Array, u: Array, th: Array) -> Array:
         slope(flow, moved, u, th, down)
         moved[i] = x[i]
         result[:, i] = (up - down) / (2 * h)
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def input_jacobian(flow: int, n: int, x: Array, u: Array, th: Array) -> Array:
+    """Return ∂f/∂u (n, r) by central differences, steps 1e-6 of each input's size; x (n + memories,) settled."""
+    result, up, down, moved = np.empty((n, len(u))), np.empty(n), np.empty(n), u.copy()
+    for j in range(len(u)):
+        h = 1e-6 * max(1.0, abs(u[j]))
+        moved[j] = u[j] + h
+        slope(flow, x, moved, th, up)
+        moved[j] = u[j] - h
+        slope(flow, x, moved, th, down)
+        moved[j] = u[j]
+        result[:, j] = (up - down) / (2 * h)
     return result
 
 

@@ -215,6 +215,7 @@ def run_loop(
     _, read, renew, _ = code
     N, m = len(E), E.shape[1]
     Y, x, predicted, sign = np.empty((N, m)), x0.copy(), np.empty(m), np.empty(m)
+    held = np.zeros((len(K), 0, 1))
     for k in range(N):
         if k >= LAGS:
             now = x.copy()
@@ -230,7 +231,8 @@ def run_loop(
                     for i in range(_SEEN + 1):
                         value += w[1 + LAGS + j * (_SEEN + 1) + i] * Y[k - i, j]
                 U[k, places[f]] = value
-        found = march(code, 1, discrete, U[k : k + 1], E[k : k + 1], th, K, x, (0, 0), step, count, 1, True, False)
+        now_u, now_e = U[k : k + 1], E[k : k + 1]
+        found = march(code, 1, discrete, now_u, now_e, th, K, x, (0, 0), held, step, count, 1, True, False)
         Y[k] = found[1][0] + found[0][0]
         x = found[2][-1]
     return Y

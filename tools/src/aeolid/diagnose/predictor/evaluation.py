@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.predictor.gains import forgets, kalman_gain
-from aeolid.diagnose.predictor.noise import Noise, estimate_noise, filter_var, preferred_order, scored_rows
+from aeolid.diagnose.predictor.noise import Noise, ScoredRows, estimate_noise, filter_var, preferred_order, scored_rows
 from aeolid.diagnose.predictor.point import LEAST_VARIANCE, Free, Point, Prior, Scales
 from aeolid.models.integrate import Compiled, driven, substeps
 from aeolid.models.machine_code import LANES
@@ -46,6 +46,8 @@ class Evaluator:
         self._last: tuple[tuple[Point, list[Array]], ...] = ()
         self._noise: tuple[Sequence[Array], Noise | None] | None = None
         self._rows: dict[int, tuple[NDArray[np.bool_], NDArray[np.bool_]]] = {}
+        self._tallies: dict[int, tuple[int, int]] = {}
+        self._scored: dict[tuple[int, int], ScoredRows] = {}
 
     def on(self, segments: Sequence[Segment]) -> Self:
         """Return the same predictor for other data."""
@@ -185,10 +187,9 @@ class Evaluator:
         noise = self.noise_of(innovations)
         if noise is None:
             return HUGE
-        known, early = self.rows(len(noise.var))
-        rows = int(np.sum(known & ~early))
+        rows, early = self._tally(len(noise.var))
         value = 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
-        return value + self._of_early_rows(innovations, noise, int(np.sum(known & early)))
+        return value + self._of_early_rows(innovations, noise, early)
 
     def _forgets(self, point: Point) -> bool:
         step, K = self.segments[0].step, self.gain(point)
@@ -199,9 +200,8 @@ class Evaluator:
         if not count:
             return 0.0
         squares = 0.0
-        for e, segment in zip(innovations, self.segments, strict=True):
-            known, early = (rows[segment.burn :] for rows in scored_rows(segment.y, len(noise.var)))
-            squares += float(np.sum((e[segment.burn :][known & early] @ noise.early_factor) ** 2))
+        for i, e in enumerate(innovations):
+            squares += float(np.sum((e[self.scored(i, len(noise.var)).measured_early] @ noise.early_factor) ** 2))
         return 0.5 * (squares + count * float(np.linalg.slogdet(noise.whole)[1]))
 
     def _penalty(self, point: Point) -> float:
@@ -213,12 +213,13 @@ class Evaluator:
         Rows that are not scored are 0, those of a model that ran away infinite.
         """
         parts = []
-        for e, segment in zip(innovations, self.segments, strict=True):
-            known, early = (rows[segment.burn :] for rows in scored_rows(segment.y, len(noise.var)))
+        for i, (e, segment) in enumerate(zip(innovations, self.segments, strict=True)):
+            rows = self.scored(i, len(noise.var))
             white = filter_var(e, noise.var)[segment.burn :] @ noise.factor
-            white[early] = e[segment.burn :][early] @ noise.early_factor
-            white[~np.all(np.abs(white) < _LOST, axis=1)] = np.inf
-            white[~known] = 0.0
+            white[rows.early - segment.burn] = e[rows.early] @ noise.early_factor
+            if not np.abs(white).max(initial=0.0) < _LOST:  # NaN too
+                white[~np.all(np.abs(white) < _LOST, axis=1)] = np.inf
+            white[rows.silent - segment.burn] = 0.0
             parts.append(white)
         return np.concatenate(parts).ravel()
 
@@ -228,10 +229,24 @@ class Evaluator:
         order: of the noise model. A row is scored where every output was measured, whatever the order.
         """
         if order not in self._rows:
-            parts = [[rows[s.burn :] for rows in scored_rows(s.y, order)] for s in self.segments]
+            parts = [[r[s.burn :] for r in self.scored(i, order).masks] for i, s in enumerate(self.segments)]
             known, early = (np.concatenate(p) for p in zip(*parts, strict=True))
             self._rows[order] = known, early
         return self._rows[order]
+
+    def _tally(self, order: int) -> tuple[int, int]:
+        """Return how many rows are scored by their lags, and how many without."""
+        if order not in self._tallies:
+            known, early = self.rows(order)
+            self._tallies[order] = int(np.sum(known & ~early)), int(np.sum(known & early))
+        return self._tallies[order]
+
+    def scored(self, index: int, order: int) -> ScoredRows:
+        """Return which rows of a segment are scored under a noise model of this order."""
+        if (index, order) not in self._scored:
+            segment = self.segments[index]
+            self._scored[index, order] = ScoredRows(scored_rows(segment.y, order), segment.burn)
+        return self._scored[index, order]
 
     def choose_var_order(self, point: Point) -> int:
         """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""

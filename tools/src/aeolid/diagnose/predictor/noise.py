@@ -44,18 +44,46 @@ class Noise:
         return np.linalg.cholesky(np.linalg.inv(self.whole))
 
 
+@dataclass(frozen=True, eq=False)
+class ScoredRows:
+    """Hold which rows of a stretch are scored and of which a lag is not known (N each, `scored_rows`).
+
+    Their numbers, where they are few, count from the first row of the stretch; those of its burn-in are left out.
+    """
+
+    masks: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    burn: int
+
+    @cached_property
+    def early(self) -> NDArray[np.intp]:
+        """Return the rows of which a lag is not known."""
+        return self._behind(self.masks[1])
+
+    @cached_property
+    def measured_early(self) -> NDArray[np.intp]:
+        """Return the scored rows of which a lag is not known."""
+        return self._behind(self.masks[0] & self.masks[1])
+
+    @cached_property
+    def silent(self) -> NDArray[np.intp]:
+        """Return the rows that are not scored."""
+        return self._behind(~self.masks[0])
+
+    def _behind(self, mask: NDArray[np.bool_]) -> NDArray[np.intp]:
+        return self.burn + np.flatnonzero(mask[self.burn :])
+
+
 def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int, reach: int | None = None) -> Noise:
     """Fit a VAR(order) to innovations by least squares, to rows that are whole; no colour where there are none.
 
     reach: rows before each in which nothing may be missing, at least and by default `order`; for orders to be compared.
     """
     outputs, reach = innovations[0].shape[1], max(order, reach or 0)
-    parts = [_explained(e, max(burn, order), order, reach) for e, burn in zip(innovations, burns, strict=True)]
-    y, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts, strict=True))
-    known = [
-        e[max(b, order) :][scored_rows(e, order)[0][max(b, order) :]] for e, b in zip(innovations, burns, strict=True)
-    ]
-    var, whole = np.zeros((order, outputs, outputs)), _mean_square(np.concatenate(known))
+    complete = [bool(np.isfinite(e).all()) for e in innovations]
+    stretches = [(e, max(burn, order), c) for e, burn, c in zip(innovations, burns, complete, strict=True)]
+    known = [e[b:] if c else e[b:][scored_rows(e, order)[0][b:]] for e, b, c in stretches]
+    var, whole = np.zeros((order, outputs, outputs)), _mean_square(_joined(known))
+    y, z = (_joined(p) for p in zip(*(_explained(e, b, order, reach, c) for e, b, c in stretches), strict=True))
     if order and len(y):
         gram = z.T @ z
         coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
@@ -72,14 +100,18 @@ def _mean_square(y: Array) -> Array:
     return found
 
 
-def _explained(e: Array, first: int, order: int, reach: int) -> tuple[Array, Array]:
+def _joined(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _explained(e: Array, first: int, order: int, reach: int, complete: bool) -> tuple[Array, Array]:
     """Return the rows of e (N, l) from `first` on and the `order` rows before each, side by side.
 
-    Only those in which, and in the `reach` rows before which, nothing is missing.
+    Only those in which, and in the `reach` rows before which, nothing is missing; complete: nothing is anywhere.
     """
     y = e[first:]
     z = np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)]) if order else np.zeros((len(y), 0))
-    if np.isfinite(e).all():
+    if complete:
         return y, z
     good = (scored_rows(e, reach)[0] & ~touched(e, reach))[first:]
     return y[good], z[good]

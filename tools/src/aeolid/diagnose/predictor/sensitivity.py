@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.predictor.evaluation import Evaluator
-from aeolid.diagnose.predictor.noise import Noise, scored_rows, whiten_lanes
+from aeolid.diagnose.predictor.noise import Noise, whiten_lanes
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.models.machine_code import LANES
 
@@ -84,9 +84,8 @@ def _fill(
     for i in range(len(rows)) if only is None else [only]:
         still = base[first : first + rows[i], None]
         e, moved = predictor.wide(at, points, gains, i), np.empty((rows[i], LANES))
-        whiten_lanes(
-            e, scored_rows(predictor.segments[i].y, len(noise.var)), noise.var, noise.factor, noise.early_factor, moved
-        )
+        scored = predictor.scored(i, len(noise.var)).masks
+        whiten_lanes(e, scored, noise.var, noise.factor, noise.early_factor, moved)
         with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away
             result.T[places, first : first + rows[i]] = ((still - moved[:, : len(places)]) / steps).T
         first += rows[i]
@@ -115,11 +114,11 @@ def _var_columns(predictor: Evaluator, point: Point, noise: Noise) -> Array:
     outputs = predictor.segments[0].y.shape[1]
     order = len(noise.var)
     parts = []
-    for e, segment in zip(predictor.innovations(point), predictor.segments, strict=True):
+    for s, (e, segment) in enumerate(zip(predictor.innovations(point), predictor.segments, strict=True)):
         past = np.zeros((order, *e.shape))
         for i in range(1, order + 1):
             past[i - 1, i:] = np.where(np.isfinite(e[:-i]), e[:-i], 0.0)
-        known, early = scored_rows(segment.y, order)
+        known, early = predictor.scored(s, order).masks
         past[:, early | ~known] = 0.0  # early rows know of no lags
         lagged = past[:, segment.burn :].transpose(1, 0, 2)  # (rows, q, l)
         block = lagged[:, None, :, None, :] * noise.factor.T[None, :, None, :, None]  # −dr[t, c] / dA_i[a, b]
