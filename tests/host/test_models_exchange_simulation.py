@@ -294,6 +294,21 @@ def test_a_linear_model_is_its_recursion(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("kind", sorted(LASTING - {"rate_limit"}))
+def test_states_of_a_model_in_discrete_time_follow_a_filter_within_the_sample(kind: str, tmp_path: Path) -> None:
+    """In C as in the free run, which has the mean and the ramp of four quarters: outputs that see no input."""
+    plain = linear_equations(linear(), "model.json")
+    step = plain.sample_time_s
+    values = {"transport_delay": (1.4 * step,), "actuator_second_order": (0.8 * step, 0.6), "actuator_lag": (step,)}
+    own = [Parameter(f"p{j}", v) for j, v in enumerate(values.get(kind, FILTERS[kind]))]
+    filters = (InputFilter(plain.inputs[0].name, kind, tuple(p.name for p in own)),)
+    behind = replace(plain, parameters=(*plain.parameters, *own), filters=filters)
+    u = pushes(200, len(plain.inputs))
+    found, expected = in_c(behind, tmp_path, u, step), free(behind, u, step)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert np.abs(free(plain, u, step) - expected).max() > 0.01 * np.abs(expected).max()
+
+
 def test_a_model_in_discrete_time_takes_whole_samples_only(tmp_path: Path) -> None:
     equations = linear_equations(linear(), "model.json")
     step = equations.sample_time_s

@@ -69,12 +69,8 @@ class Compiled:
 
     @cached_property
     def stepping(self) -> set[str]:
-        """Return the held inputs that change within a sample all the same, behind a lag or late by part of one.
-
-        None of a model in discrete time, which was made for inputs that are held.
-        """
-        held = set() if self.model.sample_time_s else {f.channel for f in self.model.filters if f.kind in CHANGING}
-        return held - self.moving
+        """Return the held inputs that change within a sample all the same, behind a lag or late by part of one."""
+        return {f.channel for f in self.model.filters if f.kind in CHANGING} - self.moving
 
     @cached_property
     def behind_steps(self) -> Equations:
@@ -103,7 +99,7 @@ class Compiled:
         """Return innovations (N, l), predictions (N, l), states (N + 1, n + memories); U as `driven` gives it."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._parts(U), self._ramped(U, theta), step, count, stride, generate, True,
+            contiguous(K), contiguous(x0), self._parts(U), self._ramped(theta), step, count, stride, generate, True,
         )  # fmt: skip
 
     def innovations(
@@ -112,7 +108,7 @@ class Compiled:
         """Return the innovations (N, l) alone."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._parts(U), self._ramped(U, theta), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._parts(U), self._ramped(theta), step, count, stride, False, False,
         )[0]  # fmt: skip
 
     def predict_wide(
@@ -124,7 +120,7 @@ class Compiled:
         """
         e = march(
             addresses(self.wide), LANES, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._parts(U), self._ramped(U, theta), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._parts(U), self._ramped(theta), step, count, stride, False, False,
         )[0]  # fmt: skip
         return e.reshape(*Y.shape, LANES)
 
@@ -136,25 +132,29 @@ class Compiled:
         width = int(U.shape[1]) // (1 + self.looks + self.ramps)
         return (width if self.looks else 0), (width * (1 + self.looks) if self.ramps else 0)
 
-    def _ramped(self, U: Array, theta: Array) -> Array:
+    def _ramped(self, theta: Array) -> Array:
         """Return what a change of the inputs within a step adds to the states (n, r, lanes); r 0 where none changes.
 
         Only of a model in discrete time, linearised at its start without inputs; theta (np,) or (np, lanes). The last
         one is kept: a recording may be run in many short pieces.
         """
-        ramp, n = self._parts(U)[1], len(self.model.states)
-        if not (ramp and n and self.model.sample_time_s):
+        n = len(self.model.states)
+        if not (self.ramps and n and self.model.sample_time_s):
             return np.zeros((n, 0, 1))
         asked = theta.tobytes()
         if (known := self._kept.get("ramped")) is not None and known[0] == asked:
             return known[1]
-        lanes, u = contiguous(theta.reshape(len(theta), -1).T), np.zeros(len(self.model.inputs))
-        x = self.settled(self.start, u, lanes[0])
-        A = np.stack([state_jacobian(self.code.flow, n, x, u, th) for th in lanes])
-        B = np.stack([input_jacobian(self.code.flow, n, x, u, th) for th in lanes])
-        found = np.ascontiguousarray(added_by_ramps(A, B).transpose(1, 2, 0))
+        lanes = contiguous(theta.reshape(len(theta), -1).T)
+        found = np.ascontiguousarray(np.stack([self.ramped(th) for th in lanes], axis=2))
         self._kept["ramped"] = asked, found
         return found
+
+    def ramped(self, theta: Array) -> Array:
+        """Return what a change of the inputs within a step adds to the states (n, r) of a model in discrete time."""
+        u, n = np.zeros(len(self.model.inputs)), len(self.model.states)
+        x = self.settled(self.start, u, theta)
+        A = state_jacobian(self.code.flow, n, x, u, contiguous(theta))
+        return added_by_ramps(A, input_jacobian(self.code.flow, n, x, u, contiguous(theta)))
 
     def slope(self, x: Array, u: Array, theta: Array) -> Array:
         """Return dx/dt (n,), or the next state in discrete time; x (n + memories,), memories renewed."""

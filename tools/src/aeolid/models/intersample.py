@@ -3,7 +3,7 @@
 A row holds the input at one instant; a model needs it all through the sample. A command goes out and is held; a
 measured signal went on changing. Held instead, it acts half a sample late and its staircase adds what it never had.
 Sample k lasts from k to k + 1 (in samples); its row may belong to the instant k − o, the common offset of the logger.
-What moves the states is the mean m_k = ∫ ũ(t − o) dt over the sample and, in continuous time, a slope about it. For a
+What moves the states is the mean m_k = ∫ ũ(t − o) dt over the sample and a slope about it. For a
 mode of 68 Hz at 610 samples a second (θ = ωh = 0.7) the answer is off by 0.3 % with the smooth curve, by θ²/12 = 4 %
 with straight lines (they let sinc²(θ/2) of a sine through), by 35 % held, most of it the half sample. What lies beyond
 the Nyquist frequency is not in the samples, whatever is laid between them (Åström and Wittenmark 1997, section 2.4).

@@ -12,9 +12,10 @@ from aeolid.models.equations import TIME, Equations, Output, Parameter, State
 from aeolid.models.exchange.c_expressions import functions_of, number
 from aeolid.models.exchange.c_filters import FUNCTIONS, PAST, Filters, filters_of
 from aeolid.models.exchange.c_observer import comment, require_name
-from aeolid.models.exchange.c_simulation_template import DISCRETE, HELPERS, RUNGE_KUTTA, TEMPLATE, WHOLE
+from aeolid.models.exchange.c_simulation_template import DISCRETE, DISCRETE_RAMPS, HELPERS, RUNGE_KUTTA, TEMPLATE, WHOLE
 from aeolid.models.input_filters import CHANGING
 from aeolid.models.integrate import compile_equations, substeps
+from aeolid.models.intersample import PREFIX
 from aeolid.models.model_file import Signal
 
 _PIECES = 4  # steps of integration a sample at least, where an input changes within it
@@ -33,8 +34,8 @@ def c_simulation(model: Equations, step_s: float, *, name: str, source: str = "m
     step_s = checked_step(model, step_s)
     if not np.all(np.isfinite([s.initial for s in model.states])):
         raise DataError(f"{source}: a state starts at no finite number")
-    count = _count(model, step_s)
-    filters = filters_of(model, step_s / count, name)
+    count, ramps = _count(model, step_s), _ramps(model)
+    filters = filters_of(model, step_s / (_PIECES if ramps else count), name)
     words = _functions(model, filters, name) | {
         "@STEP@": number(step_s), "@PIECE@": number(step_s / count), "@COUNT@": str(count),
         "@SOURCE@": comment(source), "@SIGNALS@": "\n".join(_signals(model)),
@@ -59,9 +60,23 @@ def _functions(model: Equations, filters: Filters, name: str) -> dict[str, str]:
     return {
         "@FILTERS@": "\n".join(parts), "@FUNCTIONS@": functions_of(model, name), "@ROOMS@": "".join(rooms),
         "@FIRST@": filters.first, "@SETTLE@": filters.settle, "@NOW@": filters.now, "@MEAN@": filters.mean,
-        "@HELPERS@": HELPERS, "@ADVANCE@": DISCRETE if discrete else RUNGE_KUTTA, "@WHOLE@": WHOLE if discrete else "",
+        "@HELPERS@": HELPERS, "@ADVANCE@": _advance(model), "@WHOLE@": WHOLE if discrete else "",
         "@TIME@": "".join(times),
     }  # fmt: skip
+
+
+def _ramps(model: Equations) -> bool:
+    """Tell whether the states of a model in discrete time follow what inputs do within a sample."""
+    changing = any(f.kind in CHANGING and not f.kind.startswith(PREFIX) for f in model.filters)
+    return model.sample_time_s > 0 and bool(model.states) and changing
+
+
+def _advance(model: Equations) -> str:
+    """Return how a sample passes."""
+    if not _ramps(model):
+        return DISCRETE if model.sample_time_s else RUNGE_KUTTA
+    rows = (_row(row) for row in compile_equations(model).ramped(model.theta))
+    return DISCRETE_RAMPS.replace("@RAMPED@", "{" + ", ".join(rows) + "}")
 
 
 def checked_step(model: Equations, step_s: float) -> float:

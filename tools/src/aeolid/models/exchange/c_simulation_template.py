@@ -53,6 +53,27 @@ DISCRETE = """\
     s->time_s += length;
 """
 
+DISCRETE_RAMPS = """\
+    /* The inputs change within a sample: their mean, and the ramp about it with the same first moment. */
+    static const double ramped[@N@][@R@] = @RAMPED@, weights[4] = {-1.125, -0.375, 0.375, 1.125};
+    double v[@R@] = {0.0}, ramp[@R@] = {0.0}, piece[@R@], next[@N@];
+    for (int part = 0; part < 4; part++) {
+        @name@_mean(s, u, 0.25 * length, piece);
+        for (int j = 0; j < @R@; j++) {
+            v[j] += 0.25 * piece[j];
+            ramp[j] += weights[part] * piece[j];
+        }
+    }
+    @name@_flow(s->x, v, s->parameter, next);
+    for (int i = 0; i < @N@; i++) {
+        s->x[i] = next[i];
+        for (int j = 0; j < @R@; j++) {
+            s->x[i] += ramped[i][j] * ramp[j];
+        }
+    }
+    s->time_s += length;
+"""
+
 TEMPLATE = """\
 /* Simulation made by aeolid from @SOURCE@. C99; no heap; needs the mathematical library and memcpy.
  *
