@@ -11,11 +11,13 @@ from scipy.integrate import solve_ivp
 from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.race import fit_rows
-from aeolid.diagnose.conclusion.declared import explains_away
+from aeolid.diagnose.conclusion.declared import explains_away, far_off
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
+from aeolid.models.equations import Parameter
 
 Array = NDArray[np.float64]
 STEP, SAMPLES = 0.02, 2000
@@ -52,3 +54,15 @@ def test_an_effect_is_an_answer_only_where_the_declared_values_hold_beside_it(
     rows = [r for r in bank.rows if r.attachment.key == "quadratic_damping state:v"]
     (found,) = fit_rows(prepared, rows)
     assert explains_away(found) is explained
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "said"),
+    [(250.0, 20.0, True), (250.0, 60.0, False), (140.0, 1.0, False), (40.0, 5.0, True), (-20.0, 5.0, True)],
+)
+def test_a_value_that_is_off_by_a_large_factor_may_stand_for_more(value: float, std: float, said: bool) -> None:
+    """Of 100 that were declared; one deviation nearer it is still beyond the factor. The next one moved too little."""
+    k, c = Parameter("k", 100.0, "N/m", -1e3, 1e3, True), Parameter("c", 0.01, "N s/m", 0.0, 1.0, True)
+    text = far_off([Moved(k, value, std), Moved(c, 0.05, 0.03)])
+    assert bool(text) is said and "c" not in text.partition(" off ")[0].split()
+    assert not said or text.startswith("; k is off by more than a factor of 2")

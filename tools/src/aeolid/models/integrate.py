@@ -28,6 +28,7 @@ from aeolid.models.march import (
 from aeolid.models.ramps import added_by_ramps
 
 Array = NDArray[np.float64]
+_MOST_KEPT = 16  # parameter sets whose answer to ramps is kept
 _MAX_SUBSTEPS = 200  # beyond that the model is stiff and the equations, not the sampling, need a look
 
 
@@ -37,7 +38,7 @@ class Compiled:
 
     model: Equations
     code: MachineCode
-    _kept: dict[str, tuple[bytes, Array]] = field(default_factory=dict, repr=False)
+    _kept: dict[bytes, Array] = field(default_factory=dict, repr=False)
 
     @cached_property
     def start(self) -> Array:
@@ -136,17 +137,19 @@ class Compiled:
         """Return what a change of the inputs within a step adds to the states (n, r, lanes); r 0 where none changes.
 
         Only of a model in discrete time, linearised at its start without inputs; theta (np,) or (np, lanes). The last
-        one is kept: a recording may be run in many short pieces.
+        ones are kept: many recordings, or pieces of one, are run with the same values, on two threads.
         """
         n = len(self.model.states)
         if not (self.ramps and n and self.model.sample_time_s):
             return np.zeros((n, 0, 1))
         asked = theta.tobytes()
-        if (known := self._kept.get("ramped")) is not None and known[0] == asked:
-            return known[1]
+        if (known := self._kept.get(asked)) is not None:
+            return known
         lanes = contiguous(theta.reshape(len(theta), -1).T)
         found = np.ascontiguousarray(np.stack([self.ramped(th) for th in lanes], axis=2))
-        self._kept["ramped"] = asked, found
+        if len(self._kept) >= _MOST_KEPT:
+            self._kept.clear()
+        self._kept[asked] = found
         return found
 
     def ramped(self, theta: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -203,13 +204,38 @@ def told_values(study: Study) -> str:
     )
 
 
+def far_off(values: Sequence[Moved]) -> str:
+    """Say of values that are off by a large factor that they may stand for something else; empty where none is.
+
+    A cell's voltage that goes on after the charge has passed made the slope of its rest voltage three times too large,
+    and an end stop a spring 2.5 times too stiff.
+    """
+    evidence, factor = in_force().evidence, in_force().conclusion.far_factor
+    sure = [m for m in values if m.deviations > evidence.moved_deviations]
+    far = [m for m in sure if _is_beyond(factor, m)]
+    if not far:
+        return ""
+    names = " and ".join(m.parameter.name for m in far[:2])
+    return (
+        f"; {names} {'are' if len(far) > 1 else 'is'} off by more than a factor of {factor:g}, behind which something"
+        " that the model leaves out may stand as well"
+    )
+
+
+def _is_beyond(factor: float, m: Moved) -> bool:
+    """Tell whether a value is off by more than a factor, though it be one deviation nearer; in another sign it is."""
+    ratio = m.value / m.parameter.value if m.parameter.value else np.inf
+    slack = m.std / abs(m.parameter.value) if m.parameter.value else np.inf
+    return bool(np.isfinite(ratio) and (ratio - slack > factor or ratio + slack < 1 / factor))
+
+
 def parameter_effect(study: Study) -> dict[str, Any]:
     """Return the effect "declared values are wrong" with what they were fitted to."""
     values = study.declared_values
     kind = entry("parameter_error")
     return {
         "id": kind.id, "family": kind.family,
-        "statement": f"the structure is right, declared values are not: {told_values(study)}",
+        "statement": f"the structure is right, declared values are not: {told_values(study)}{far_off(moved(study))}",
         "location": location(f"parameter:{values[0].parameter.name}"),
         "equation": kind.equation,
         "parameters": {
