@@ -92,6 +92,8 @@ def _shade(
 
 def _dots(gain: Any, phase: Any, facts: Any, pair: tuple[str, str], model: tuple[Array, Array]) -> None:
     """Draw what spectra of the same recordings say, phases by turns near the model's (frequency, degrees)."""
+    from aeolid.report.charts import holding
+
     try:
         told = facts["spectral"]
         row = next(p for p in told["pairs"] if (p["input"], p["output"]) == pair)
@@ -103,7 +105,9 @@ def _dots(gain: Any, phase: Any, facts: Any, pair: tuple[str, str], model: tuple
     known = size > _NORMAL * spread  # others are zero, as far as these data go
     near = np.interp(np.log(at), np.log(model[0]), model[1])
     style: dict[str, Any] = {"color": "0.5", "linestyle": "none", "marker": "o", "markersize": 2, "zorder": 1}
+    limits = holding(gain.get_ylim(), size[known])
     gain.loglog(at[known], size[known], **style)
+    gain.set_ylim(*limits)
     phase.semilogx(at[known], (turn + 360 * np.round((near - turn) / 360))[known], **style)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, ParamSpec, TypeVar
 
+from aeolid.api.arguments import Arguments
 from aeolid.errors import AeolidError
 
 P = ParamSpec("P")
@@ -75,13 +76,15 @@ def in_python(text: str) -> str:
 
 
 def public(function: Callable[P, R]) -> Callable[P, R]:
-    """Wrap a function of the public interface: one thread, and errors that speak of parameters."""
+    """Wrap a function of the public interface: arguments checked, one thread, and errors that speak of parameters."""
+    given = Arguments(function)
 
     @functools.wraps(function)
     def wrapped(*arguments: P.args, **settings: P.kwargs) -> R:
+        own, named = given.checked(arguments, settings)
         with one_thread():
             try:
-                return function(*arguments, **settings)
+                return function(*own, **named)
             except AeolidError as error:
                 error.args = tuple(in_python(a) if isinstance(a, str) else a for a in error.args)
                 raise

@@ -163,6 +163,16 @@ class Equations:
                 used |= ex.names_in(a.equation)
         return used
 
+    def intermediates_of_memories(self, trees: Iterable[ast.expr]) -> tuple[Auxiliary, ...]:
+        """Return the intermediates behind these expressions that depend on a memory, in their order."""
+        used, following = self._used(trees), {m.name for m in self.memories}
+        result = []
+        for a in self.auxiliaries:
+            if a.name in used and ex.names_in(a.equation) & following:
+                following.add(a.name)
+                result.append(a)
+        return tuple(result)
+
     def roots(self) -> list[ast.expr]:
         """List the expressions of states, outputs and memories, which intermediates serve."""
         trees = [s.derivative for s in self.states] + [o.equation for o in self.outputs]

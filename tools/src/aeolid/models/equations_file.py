@@ -60,6 +60,7 @@ def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     require_small(model, source)
     _check_filters(model, source)
     _check_order(model, source)
+    _check_memories(model, source)
     require_divisible(model, source)
     return model
 
@@ -72,12 +73,14 @@ def _with_inputs(model: Equations, declared: Sequence[tuple[str, Signal]], sourc
         double = sorted(n for n, count in Counter(names).items() if count > 1)
         if double:
             raise DataError(f"{source}: {shown(double[0])} is defined twice")
-    known = {*own, *symbols, STEP}
+    known = {*own, *symbols}
     memories = [tree for m in model.memories for tree in (m.next, m.settled)]
     formulas = [[a.equation for a in model.auxiliaries], [s.derivative for s in model.states],
                 [o.equation for o in model.outputs], memories]  # fmt: skip
     for tree in (tree for group in formulas for tree in group):
-        found = sorted(ex.names_in(tree) - known)
+        found = sorted(ex.names_in(tree) - known - ({STEP} if any(tree is one for one in memories) else set()))
+        if STEP in found:
+            raise DataError(f"{source}: {STEP} is known in [[memory]] alone, which is renewed once a sample")
         own_output = next((name for name in found if name in {o.name for o in model.outputs}), None)
         if own_output is not None:
             raise DataError(
@@ -218,6 +221,21 @@ def _check_order(model: Equations, source: str) -> None:
             raise DataError(f"{source} [[auxiliary]] {a.name}: uses {late[0]!r}, which must stand before it")
 
 
+def _check_memories(model: Equations, source: str) -> None:
+    """Refuse a memory that settles on one that has not settled yet: all settle in their order, then are renewed."""
+    needs = {a.name: ex.names_in(a.equation) for a in model.auxiliaries}
+    for name, used in needs.items():
+        needs[name] = used.union(*(needs[n] for n in used if n in needs and n != name))
+    names = [m.name for m in model.memories]
+    for i, m in enumerate(model.memories):
+        used = ex.names_in(m.settled)
+        used = used.union(*(needs[n] for n in used if n in needs))
+        early = [n for n in names[i:] if n in used]
+        if early:
+            which = "itself" if early[0] == m.name else f"{early[0]!r}, which must stand before it"
+            raise DataError(f"{source} [[memory]] {m.name}: settled uses {which}")
+
+
 def _output(entry: Any, index: int, text: str, source: str) -> Output:
     where = f"{source} [[output]] {index + 1}"
     check_keys(entry, {"name", "equation", "unit"}, where)
@@ -262,6 +280,9 @@ def _check_filters(model: Equations, source: str) -> None:
             if name not in known:
                 hint = did_you_mean(name, sorted(known))
                 raise DataError(f"{source} [[input_filter]]: {shown(name)} is no parameter{hint}")
+        fault = KINDS[f.kind].fault([model.parameters[model.index(name)].value for name in f.parameters])
+        if fault is not None:
+            raise DataError(f"{source} [[input_filter]] {f.kind} of {shown(f.channel)}: {fault}")
 
 
 def _check_name(name: Any, where: str) -> None:

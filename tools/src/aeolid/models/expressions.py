@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.text_files import shown
-from aeolid.wording import did_you_mean
+from aeolid.wording import counted, did_you_mean
 
 Array = NDArray[np.float64]
 # Functions of the model file, with the fewest and the most arguments each takes.
@@ -190,6 +190,10 @@ def _check(node: ast.AST, text: str, where: str, depth: int) -> None:
     raise DataError(f"{where}: {shown(piece)} is not allowed; use + - * / ** and {', '.join(FUNCTIONS)}, pi")
 
 
+def _counted(fewest: int, most: int) -> str:
+    return counted(fewest, "argument") if fewest == most else f"{fewest} to {most} arguments"
+
+
 def _check_call(node: ast.Call, text: str, where: str) -> None:
     name = node.func.id  # type: ignore[attr-defined]
     if name not in FUNCTIONS:
@@ -197,6 +201,4 @@ def _check_call(node: ast.Call, text: str, where: str) -> None:
         raise DataError(f"{where}: function {shown(name)} is not known{hint} allowed are {', '.join(FUNCTIONS)}")
     fewest, most = FUNCTIONS[name]
     if not fewest <= len(node.args) <= most:
-        raise DataError(
-            f"{where}: {name} in {shown(text)} takes {fewest if fewest == most else f'{fewest} or more'} arguments"
-        )
+        raise DataError(f"{where}: {name} in {shown(text)} takes {_counted(fewest, most)}, found {len(node.args)}")

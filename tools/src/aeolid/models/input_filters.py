@@ -9,7 +9,7 @@ in pieces, of which each filter says the mean of what it lets through: one, or t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 WHOLE, SPLIT = np.array([1.0]), np.array([0.1, 0.9])  # pieces of a step; the first of two is what an output sees
 QUARTERS = np.full(4, 0.25)  # which tell by how much an input that steps changes within the step
 _ROUNDING = 1e-12  # steps
+_REPEATED = 1e-5  # √|1 − ζ²| below which two poles are one: what differs is its square
 _NONE = 1e-3  # steps: what is faster only begins to lag, and is spread over the step; its slope at none is known
 
 
@@ -34,6 +35,17 @@ class FilterKind:
 
     slots: tuple[str, ...]
     rule: Callable[[Array, Array, float, Array], Array]
+
+    def fault(self, values: Sequence[float]) -> str | None:
+        """Say which value lies outside its range, and the range; None where all are inside."""
+        given = dict(zip(self.slots, values, strict=True))
+        for slot, value in given.items():
+            low, high = RANGES.get(slot, (-math.inf, math.inf))
+            if not low <= value <= high:
+                return f"{slot} = {value:g} lies outside {low:g} … {high:g}"
+        if given.get("low", -math.inf) > given.get("high", math.inf):
+            return f"low = {given['low']:g} lies above high = {given['high']:g}"
+        return None
 
 
 def _lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
@@ -130,9 +142,13 @@ def _second_order(u: Array, values: Array, step: float, pieces: Array) -> Array:
     if values[0] <= 1e-9 * step:
         out[:] = u
         return out
-    count, zeta = len(pieces), min(max(values[1], 0.05), 0.999)
-    w, root = pieces * step / values[0], math.sqrt(1.0 - zeta * zeta)
-    decay, c, s = np.exp(-zeta * w), np.cos(w * root), np.sin(w * root)
+    count, zeta = len(pieces), max(values[1], 0.0)
+    w, root = pieces * step / values[0], max(math.sqrt(abs(1.0 - zeta * zeta)), _REPEATED)
+    if zeta < 1.0:
+        decay, c, s = np.exp(-zeta * w), np.cos(w * root), np.sin(w * root)
+    else:  # two lags: e^(−ζw) cosh and sinh of w·root, neither of which may overflow
+        slow, fast = np.exp(-(zeta - root) * w), np.exp(-(zeta + root) * w)
+        decay, c, s = np.ones(count), 0.5 * (slow + fast), 0.5 * (slow - fast)
     x, v = u[0], 0.0  # v is w'/ω
     for k in range(len(u)):
         i = k % count
@@ -294,6 +310,11 @@ KINDS: dict[str, FilterKind] = {
     "intersample_filtered": FilterKind(("offset_s", "delay_s"), late_inputs.filtered),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""
+RANGES = {
+    "tau_s": (0.0, math.inf), "inverse_omega_s": (0.0, math.inf), "damping": (0.0, math.inf),
+    "rate_per_s": (0.0, math.inf), "width": (0.0, math.inf), "spacing": (0.0, math.inf), "share": (0.0, 1.0),
+}  # fmt: skip
+"""What a value of these names may be; any finite number of the others. A negative delay lets the input come early."""
 CHANGING = (
     "actuator_lag", "transport_delay", "actuator_second_order", "rate_limit", "lead_lag", "indicial",
     "intersample_zoh", "intersample_filtered",

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import ast
-import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
-from aeolid.models.equations import Equations, InputFilter
-from aeolid.models.input_filters import CHANGING, HELD_LATE, KINDS, LIMITING, QUARTERS, SPLIT, WHOLE
+from aeolid.models.equations import TIME, Equations
+from aeolid.models.filter_chains import behind_filters
+from aeolid.models.input_filters import CHANGING, QUARTERS, SPLIT
+from aeolid.models.integration_steps import most_steps, substeps, substeps_along
 from aeolid.models.intersample import MOVING, slopes, slopes_of_quarters
 from aeolid.models.machine_code import LANES, MachineCode, translate
 from aeolid.models.march import (
-    fastest_at_most,
     input_jacobian,
     march,
     outputs,
@@ -26,10 +26,11 @@ from aeolid.models.march import (
     state_jacobian,
 )
 from aeolid.models.ramps import added_by_ramps
+from aeolid.models.rate import same_step
 
 Array = NDArray[np.float64]
 _MOST_KEPT = 16  # parameter sets whose answer to ramps is kept
-_MAX_SUBSTEPS = 200  # beyond that the model is stiff and the equations, not the sampling, need a look
+_GROWTH = 8  # times as many integration steps after one run at most: states of a run that explodes ask for any number
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class Compiled:
     @cached_property
     def looks(self) -> bool:
         """Tell whether an output, or a memory, reads at once an input that passes a filter."""
-        behind = {f.channel for f in self.model.filters}
+        behind = {f.channel for f in self.model.filters} | ({TIME} if self.clock is not None else set())
         own = {symbol for s, symbol in zip(self.model.inputs, self.model.symbols, strict=True) if s.name in behind}
         return bool(own & self.model.names_seen())
 
@@ -62,6 +63,13 @@ class Compiled:
     def places_of_filters(self) -> list[int]:
         """Return the places of the parameters on which the inputs behind their filters depend."""
         return sorted({self.model.index(name) for f in self.model.filters for name in f.parameters})
+
+    @cached_property
+    def clock(self) -> int | None:
+        """Return the column of the time itself, which goes on within a sample; None where no state can follow it."""
+        names = [s.name for s in self.model.inputs]
+        held = self.model.sample_time_s > 0 or TIME not in names
+        return None if held or any(f.channel == TIME for f in self.model.filters) else names.index(TIME)
 
     @cached_property
     def moving(self) -> set[str]:
@@ -81,7 +89,7 @@ class Compiled:
     @property
     def ramps(self) -> bool:
         """Tell whether the states follow such changes."""
-        return bool(self.moving or self.stepping)
+        return bool(self.moving or self.stepping) or self.clock is not None
 
     def which_move(self, width: int) -> NDArray[np.bool_]:
         """Return which of `width` columns of inputs change within a sample."""
@@ -200,50 +208,61 @@ def compile_equations(model: Equations) -> Compiled:
 def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float) -> Array:
     """Run free: inputs u (N, r) held over each step of `step` seconds; returns y (N, l).
 
-    Raises DataError where the model leaves the finite numbers, naming the sample.
+    Raises DataError where the model leaves the finite numbers, naming the sample, and where it is stiffer than a run
+    may take steps.
     """
-    y = free_run(compiled, u, theta, x0, step)
+    y, count, needed = _run_free(compiled, u, theta, x0, step)
+    name = f"model {compiled.model.name!r}"
+    stiff = (
+        f"a part of it changes {needed / count:.3g} times too fast for {count} integration steps in each sample of "
+        f"{step:g} s; let that part follow at once, or give it a slower rate"
+    )
     if not np.all(np.isfinite(y)):
         first = int(np.argwhere(~np.isfinite(y))[0][0])
-        raise DataError(f"model {compiled.model.name!r}: the free run leaves the finite numbers at sample {first + 1}")
+        why = f": {stiff}" if needed > count else ""
+        raise DataError(f"{name}: the free run leaves the finite numbers at sample {first + 1}{why}")
+    if needed > count and not np.allclose(y, free_run(compiled, u, theta, x0, step, count // 2), *_agreeing(y)):
+        raise DataError(f"{name} is too stiff to be run free: {stiff}")
     return y
 
 
-def free_run(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float) -> Array:
-    """Run free as `simulate` does, and return also what is not finite."""
+def _agreeing(y: Array) -> tuple[float, Array]:
+    """Return by how much two runs may differ, relatively and of each output (l,): 1 % of its deviation."""
+    return 1e-9, 0.01 * np.std(y, axis=0)
+
+
+def free_run(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float, count: int = 0) -> Array:
+    """Run free as `simulate` does, and return also what is not finite; count: integration steps a sample, 0: as needed.
+
+    Runs whose outputs are compared to the last digits, as slopes are, take the same count (`free_steps`).
+    """
+    return _run_free(compiled, u, theta, x0, step, count)[0]
+
+
+def free_steps(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float) -> int:
+    """Return the integration steps a sample that a free run takes."""
+    return _run_free(compiled, u, theta, x0, step)[1]
+
+
+def _run_free(
+    compiled: Compiled, u: Array, theta: Array, x0: Array, step: float, given: int = 0
+) -> tuple[Array, int, int]:  # fmt: skip
+    """Return the outputs (N, l), the integration steps a sample, and how many the states that were passed need.
+
+    The run is repeated with more steps until those of its states are enough, at most `most_steps`.
+    """
     _check_step(compiled.model, step)
     filtered = driven(compiled, u, theta, step)
     blank = np.full((len(u), len(compiled.model.outputs)), np.nan)
     gain = np.zeros((len(compiled.model.states), blank.shape[1]))
     middle = np.median(u, axis=0) if len(u) else np.zeros(u.shape[1])
-    count = substeps(compiled, middle, theta, x0, step)
-    y: Array = compiled.predict(filtered, blank, theta, gain, x0, step, count, 1, False)[1]
-    return y
-
-
-def substeps(compiled: Compiled, middle: Array, theta: Array, x0: Array, step: float) -> int:
-    """Return how many Runge–Kutta steps a sample needs: fastest eigenvalue times step at most 0.5.
-
-    0.5 keeps the local error of the fourth-order rule below 3e-4 of the fastest mode (step^5/120). Looked at where the
-    run starts and, because dry friction is steepest there, at rest: otherwise two stretches of one recording, one that
-    starts at rest and one in motion, would be integrated as two different models. middle (r,): the typical input.
-    """
-    if compiled.model.sample_time_s > 0 or not len(x0):
-        return 1
-    u, th, n = contiguous(middle), contiguous(theta), len(compiled.model.states)
-    places = [x0]
-    if x0[compiled.velocities].any():
-        rest = x0.copy()
-        rest[compiled.velocities] = 0.0
-        places.append(rest)
-    settled = np.array([compiled.settled(x, u, th) for x in places])
-    if fastest_at_most(compiled.code.flow, n, settled, u, th) * step <= 0.5:
-        return 1
-    jacobians = np.stack([state_jacobian(compiled.code.flow, n, x, u, th) for x in settled])
-    if not all(math.isfinite(float(j.sum())) for j in jacobians):
-        return 4
-    fastest = float(np.max(np.abs(np.linalg.eigvals(jacobians)), initial=0.0))
-    return int(min(_MAX_SUBSTEPS, max(1, math.ceil(fastest * step / 0.5))))
+    count, most = given or substeps(compiled, middle, theta, x0, step), most_steps(len(u))
+    while True:
+        _, y, X = compiled.predict(filtered, blank, theta, gain, x0, step, count, 1, False)
+        needed = count if given else substeps_along(compiled, X, filtered, theta, step)
+        if needed <= count or count >= most:
+            return y, count, needed
+        count = min(needed, _GROWTH * count, most)
 
 
 def numeric_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array) -> Array:
@@ -268,7 +287,7 @@ def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
     only where an output looks; by how much each input changes within the step (r columns) only where one does.
     """
     model, width = compiled.model, u.shape[1]
-    if not model.filters:
+    if not model.filters and compiled.clock is None:
         return np.ascontiguousarray(u)
     result = np.empty((len(u), width * (1 + compiled.looks + compiled.ramps)))
     means = result[:, :width]
@@ -285,6 +304,10 @@ def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
             means[:, column] = values
     if compiled.ramps:
         result[:, -width:] = _change_within(compiled, u, means, theta, step)
+    if compiled.clock is not None and len(u):
+        time = u[:, compiled.clock]
+        passed = np.diff(time, append=2 * time[-1] - time[-2] if len(u) > 1 else time[-1] + step)
+        means[:, compiled.clock], result[:, compiled.clock - width] = time + 0.5 * passed, passed
     return result
 
 
@@ -297,38 +320,8 @@ def _change_within(compiled: Compiled, u: Array, means: Array, theta: Array, ste
     return found
 
 
-@lru_cache(maxsize=256)
-def _in_order(filters: tuple[InputFilter, ...]) -> tuple[InputFilter, ...]:
-    """Return filters with the lateness of held commands behind what is not linear; the rest stays in order."""
-    late = tuple(f for f in filters if f.kind in HELD_LATE)
-    if not late or not any(f.kind in LIMITING for f in filters):
-        return filters
-    last = max(i for i, f in enumerate(filters) if f.kind in LIMITING)
-    before = tuple(f for f in filters[: last + 1] if f not in late)
-    return (*before, *late, *(f for f in filters[last + 1 :] if f not in late))
-
-
-def behind_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> dict[int, Array]:
-    """Pass inputs (N, r) through what lies in front of the plant, in the order of the model's filters.
-
-    But a held command that is late, or whose outputs are filtered, passes limits, plays and steps first, as it was
-    given: the mean of a step that comes late by a part of a sample is a command that nobody gave.
-
-    pieces (p,): of a step. Returns the means over them (N·p,), one after another, by the column of each input that
-    passes a filter.
-    """
-    names, found = [s.name for s in model.inputs], dict[int, Array]()
-    for f in _in_order(model.filters):
-        column = names.index(f.channel)
-        if column not in found:
-            found[column] = np.repeat(u[:, column], len(pieces)).astype(np.float64, copy=False)
-        values = np.array([theta[model.index(p)] for p in f.parameters])
-        found[column] = KINDS[f.kind].rule(found[column], values, step, pieces)
-    return found
-
-
 def _check_step(model: Equations, step: float) -> None:
-    if model.sample_time_s and abs(step - model.sample_time_s) > 1e-6 * model.sample_time_s:
+    if model.sample_time_s and not same_step(model.sample_time_s, step):
         raise DataError(
             f"model {model.name!r} has a sample time of {model.sample_time_s:g} s, the recording {step:g} s;"
             " resample the recording"

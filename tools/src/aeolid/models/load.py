@@ -21,7 +21,7 @@ from aeolid.models.intersample import straightened
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.model_file import Signal
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
-from aeolid.models.rate import holds_of
+from aeolid.models.rate import holds_of, same_step
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 from aeolid.units import conversion
@@ -88,19 +88,21 @@ class LinearModel:
         if not self.state_space.sample_time_s:  # discretised for straight lines
             u = straightened(u, np.array([h == "band_limited" for h in holds], dtype=bool))
         with np.errstate(all="ignore"):  # an unstable model may overflow; the caller sees what is not finite
-            return model.simulate(u, self._start(model, record, u))
+            start = self._estimated(model, record, u)
+            if start is None:
+                start = np.zeros(model.order) if self.initial == "zero" else model.x0
+                start = start - present_part(self.state_space, record.sample_time_s, holds) @ (u[0] - model.u_offset)
+            return model.simulate(u, start)
 
-    def _start(self, model: StateSpace, record: Record, u: Array) -> Array:
+    def _estimated(self, model: StateSpace, record: Record, u: Array) -> Array | None:
+        """Return the first state (n,) of the discrete-time model as the outputs show it; None where it is given."""
         names = [c.name for c in record.channels]
-        recorded = all(s.name in names for s in model.outputs)
-        if self.initial == "zero":
-            return np.zeros(model.order)
-        if self.initial == "model" or not recorded:
-            return model.x0
+        if self.initial != "estimate" or not all(s.name in names for s in model.outputs):
+            return None
         y = matched(record, model.outputs)
         runs = complete_stretches(y, max(2 * model.order, 10))
         if not runs or runs[0][0] != 0:
-            return model.x0  # nothing recorded at the start to estimate from
+            return None  # nothing recorded at the start to estimate from
         stop = runs[0][1]
         return estimate_initial_state(model, u[:stop] - model.u_offset, y[:stop] - model.y_offset)
 
@@ -138,8 +140,9 @@ def discretise(model: StateSpace, sample_time_s: float, holds: Sequence[str] = (
 
     holds: of each input, "zoh" (held over a sample, as all are by default) or else (straight from one sample to the
     next). Straight, B and D are those of the state less the part that the present sample already is (Franklin, Powell
-    and Workman 1998, section 6.3.2). A Kalman gain of continuous time is dropped: its discrete counterpart needs the
-    noise intensities.
+    and Workman 1998, section 6.3.2); x0 stays the state itself, which is the same only where the first inputs stand at
+    the operating point (`present_part`). A Kalman gain of continuous time is dropped: its discrete counterpart needs
+    the noise intensities.
     """
     if model.sample_time_s > 0:
         return model
@@ -149,10 +152,26 @@ def discretise(model: StateSpace, sample_time_s: float, holds: Sequence[str] = (
     A, B, C, D, _ = cont2discrete(continuous, sample_time_s, method="zoh")
     moving = [i for i, h in enumerate(holds) if h != "zoh"]
     if moving:
-        _, straight, _, at_once, _ = cont2discrete(continuous, sample_time_s, method="foh")
-        B[:, moving], D = straight[:, moving], np.array(D, dtype=float)
-        D[:, moving] = at_once[:, moving]
+        B[:, moving] = cont2discrete(continuous, sample_time_s, method="foh")[1][:, moving]
+        D = D + C @ present_part(model, sample_time_s, holds)
     return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=sample_time_s)
+
+
+def present_part(model: StateSpace, sample_time_s: float, holds: Sequence[str]) -> Array:
+    """Return Γ₂ (n, r): the state of `discretise` is x − Γ₂ u, u the deviations of the present sample.
+
+    Φ₂ B h of the inputs that go straight from one sample to the next, zero of those that are held and of a model that
+    is in discrete time already.
+    """
+    moving = [i for i, h in enumerate(holds) if h != "zoh"]
+    result = np.zeros_like(model.B)
+    if model.sample_time_s > 0 or not moving or not model.order:
+        return result
+    from scipy.signal import cont2discrete
+
+    states = (model.A, model.B, np.eye(model.order), np.zeros_like(model.B))
+    result[:, moving] = cont2discrete(states, sample_time_s, method="foh")[3][:, moving]
+    return result
 
 
 def diverged(model: Model, record: Record, y: Array) -> Divergence | None:
@@ -206,7 +225,7 @@ def require_complete(record: Record, signals: Sequence[Named]) -> Array:
 
 def require_sample_time(model: StateSpace | LpvStateSpace, record: Record) -> None:
     """Refuse a discrete-time model on a recording of another sample time."""
-    if model.sample_time_s > 0 and abs(model.sample_time_s - record.sample_time_s) > 1e-3 * model.sample_time_s:
+    if model.sample_time_s > 0 and not same_step(model.sample_time_s, record.sample_time_s):
         raise DataError(
             f"{record.source}: sample time {record.sample_time_s:g} s, the model has {model.sample_time_s:g} s; "
             "decimate or resample the recording"

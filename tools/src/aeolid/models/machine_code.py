@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import llvmlite.binding as llvm
 
 from aeolid.models import expressions as ex
-from aeolid.models.equations import STEP, Equations
+from aeolid.models.equations import STEP, Auxiliary, Equations
 
 LANES = 8  # copies of a model that run side by side: one AVX-512 register, two of AVX2
 _LOCK = threading.Lock()  # LLVM's global context serves one thread at a time
@@ -98,16 +98,27 @@ def _read(w: _Writer, model: Equations) -> None:
 
 
 def _renew(w: _Writer, model: Equations) -> None:
-    """All memories settle first, then each is renewed; later ones see its new value."""
-    names = _visible(w, model, [tree for m in model.memories for tree in (m.next, m.settled)])
+    """All memories settle first, then each is renewed; later ones see its new value, through intermediates too."""
+    trees = [tree for m in model.memories for tree in (m.next, m.settled)]
+    names, following = _visible(w, model, trees), model.intermediates_of_memories(trees)
     names[STEP] = w.spread("%dt")
     for m in model.memories:
         kept = names[m.name]
         missing = w.operation(f"fcmp uno {w.type} {kept}, {kept}")
         names[m.name] = w.choose(missing, w.value(m.settled, names), kept)
+        names.update(_again(w, following, names))
     for i, m in enumerate(model.memories):
         names[m.name] = w.value(m.next, names)
         w.store("x", len(model.states) + i, names[m.name])
+        names.update(_again(w, following, names))
+
+
+def _again(w: _Writer, following: Sequence[Auxiliary], names: Mapping[str, str]) -> dict[str, str]:
+    """Write these intermediates with what the memories are now."""
+    found = dict(names)
+    for a in following:
+        found[a.name] = w.value(a.equation, found)
+    return found
 
 
 def _correct(w: _Writer, model: Equations) -> None:

@@ -48,13 +48,22 @@ def decimate_causally(record: Record, factor: int) -> Record:
     return replace(record, time_s=time, values=values, sample_time_s=step)
 
 
+def same_step(sample_time_s: float, step: float) -> bool:
+    """Tell whether a recording of this sample time, s, is at the sample time of a discrete-time model.
+
+    >>> same_step(0.1, 0.1 * (1 + SAME / 2)), same_step(0.1, 0.1 * (1 + 2 * SAME))
+    (True, False)
+    """
+    return abs(sample_time_s - step) <= SAME * sample_time_s
+
+
 def at_rate_of(sample_time_s: float, record: Record) -> Record:
     """Return a recording at the sample time of a discrete-time model, whose inputs hold over each of its samples.
 
     sample_time_s: of the model, s; 0 (continuous time) and that of the recording return the recording. A whole multiple
     of the recording's is reached by `decimate_causally`, as `identify --decimate` does. Raises DataError on any other.
     """
-    if sample_time_s <= 0 or abs(sample_time_s - record.sample_time_s) <= SAME * sample_time_s:
+    if sample_time_s <= 0 or same_step(sample_time_s, record.sample_time_s):
         return record
     ratio = sample_time_s / record.sample_time_s
     factor = round(ratio)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from aeolid.decompositions import lstsq
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
-from aeolid.models.integrate import Compiled, compile_equations, free_run
+from aeolid.models.integrate import Compiled, compile_equations, free_run, free_steps
 from aeolid.models.prediction import channel_weights
 from aeolid.models.rate import read_as_declared
 from aeolid.record import Record
@@ -55,13 +55,14 @@ def _errors_of(
     compiled: Compiled, u: Array, y: Array, recorded: Sequence[int], step: float
 ) -> Callable[[Array], Array]:  # fmt: skip
     """Return what gives the free run's errors (M,) from a start, of what was measured, in deviations of each output."""
-    known = np.isfinite(y)
+    known, theta = np.isfinite(y), compiled.model.theta
+    count = free_steps(compiled, u, theta, compiled.model.x0, step)  # the same for all starts, whose runs are compared
     level = np.nan_to_num(np.nanmean(np.where(known.any(axis=0), y, 0.0), axis=0))
     weight = channel_weights(np.where(known, y, level))
 
     def errors(x0: Array) -> Array:
         with np.errstate(all="ignore"):  # what runs away is not finite, and no start to go on from
-            left: Array = ((y - free_run(compiled, u, compiled.model.theta, x0, step)[:, recorded]) * weight)[known]
+            left: Array = ((y - free_run(compiled, u, theta, x0, step, count)[:, recorded]) * weight)[known]
         return left
 
     return errors

@@ -131,8 +131,10 @@ def _proof(sealed: Facts, effects: list[Facts], several: bool) -> str:
         interval, gain = sealed.get("interval") or [], float(sealed["log_likelihood_gain"])
         between = f", 90 % interval {number(interval[0])} to {number(interval[1])}" if len(interval) == 2 else ""
         parts.append(f"{odds(gain)} for the corrected model (log-likelihood gain {number(gain)} nats{between})")
-    if effects and sealed.get("recovered_fraction") is not None:
-        parts.append(f"{percent(sealed['recovered_fraction'], 2)} of what any model could gain")
+    gain, ceiling = sealed.get("log_likelihood_gain") or 0.0, sealed.get("ceiling_gain")
+    if effects and ceiling is not None and sealed.get("recovered_fraction") is not None:
+        share = f"{percent(sealed['recovered_fraction'], 2)} of what a correction of any form gains there"
+        parts.append(share if ceiling > gain else "a correction of any form gains no more there")
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "." if text else ""
 

@@ -95,10 +95,10 @@ def _dots(axes: list[Any], spectra: Facts, source: str, target: str, grid: Array
     at, gain, spread, turn = (
         np.asarray(v, dtype=float) for v in (spectra["frequency_hz"], pair["gain"], pair["gain_std"], pair["phase_deg"])
     )
-    limits = axes[0].get_ylim()
     known = (gain > 0) & (gain > _NORMAL * spread)  # others are zero, as far as these data go
     style: dict[str, Any] = {"color": charts.GREY, "linestyle": "none", "markersize": 2.5}
     low, high = np.minimum(_NORMAL * spread, 0.999 * gain), _NORMAL * spread
+    limits = charts.holding(axes[0].get_ylim(), gain[known])  # bars may reach beyond, no dot
     axes[0].errorbar(at[known], gain[known], [low[known], high[known]], marker="o", elinewidth=0.6,
                      label="from spectra", zorder=1, **style)  # fmt: skip
     axes[0].set_ylim(*limits)

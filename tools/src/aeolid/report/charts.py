@@ -45,6 +45,18 @@ _RC |= {
 }  # fmt: skip
 
 
+def holding(limits: tuple[float, float], values: Array) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis, wide enough for these values; none of them needs to be finite.
+
+    >>> holding((1.0, 10.0), np.array([0.5, 8.0]))
+    (0.4, 10.0)
+    """
+    shown = values[np.isfinite(values) & (values > 0)]
+    if not len(shown):
+        return limits
+    return min(limits[0], 0.8 * float(np.min(shown))), max(limits[1], 1.25 * float(np.max(shown)))
+
+
 class Sketch:
     """Collect one figure: `axes` to draw on (rows, columns), then `svg`, its markup, once the drawing is done."""
 

@@ -210,6 +210,8 @@ def _next_experiment(entry: Facts) -> Html:
 
 
 def _false_alarm(entry: Facts) -> Html:
+    if entry.get("text"):
+        return section("False alarms", tag("p", entry["text"]))
     if not entry.get("sham_runs"):
         return Html("")
     return section(

@@ -232,7 +232,12 @@ def _parameters(entries: list[Facts]) -> Html:
          number(e.get("pull"), 2))
         for e in entries
     ]  # fmt: skip
-    note = tag("p", "Pull: how many prior standard deviations the fit moved the parameter.", class_="soft")
+    note = tag(
+        "p",
+        "Pull: fitted less declared value, in standard deviations of the fit and of the declared value (prior_std,"
+        " where it has one) together.",
+        class_="soft",
+    )
     return join([table(["parameter", "#declared", "#fitted ± std", "unit", "#pull"], rows), note]) if rows else Html("")
 
 

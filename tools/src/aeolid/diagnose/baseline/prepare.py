@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.baselines import Baseline, baseline_of
 from aeolid.diagnose.baseline.frame import Frame, carry_fit, carry_point, carry_prior, scales_of
+from aeolid.diagnose.baseline.integration import well_integrated
 from aeolid.diagnose.baseline.recorded_wind import (
     SIZES,
     recorded_wind,
@@ -124,8 +125,7 @@ def prepare(
     fits on this stage end where they stand, never by default. sampling: how inputs go on between their samples, as the
     roles file declares by default.
     """
-    deadline = deadline or unlimited()
-    base = baseline_of(case, deadline)
+    base = baseline_of(case, deadline := deadline or unlimited())
     records, step = with_smoothed_wind(base.records, base.equations), base.records[0].sample_time_s
     sampling = sampling or declared_sampling(records, _acting(base))
     declared, linear = with_sampling(base.equations, sampling, step), base.linear
@@ -140,7 +140,8 @@ def prepare(
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
     offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
-    rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
+    known = spreads, offsets
+    split, (rough, scales) = well_integrated(split, lambda parts: _rough(compiled, parts, known, linear, settle))
     if isinstance(case.baseline, Equations) and (held := values_to_hold(*rough, case.baseline)):
         return prepare(replace(case, baseline=with_held(case.baseline, held)), most, deadline, sampling)
     sizes, rates, moves = _sizes(rough, scales)

@@ -64,7 +64,9 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         for slot, place in free:
             value = _value(slot, fit, model)
             if slot.label and at_bound(value, slot) and not _is_undetermined(slot, fit, place):
-                at = f"{value:.3g} {slot.unit if slot.unit != '1' else ''}".strip()
+                shown = slot.show(value)
+                unit = "" if slot.unit == "1" or not math.isfinite(shown) else f" {slot.unit}"
+                at = f"{shown:.3g}{unit}" if math.isfinite(shown) else "infinite"
                 return f"{slot.label} of {a.key} ran to the end of its physical range ({at})"
             std = _deviation(slot, place, fit, model)
             if slot.change is not None and _reaches_an_end(value, 2 * std, slot):

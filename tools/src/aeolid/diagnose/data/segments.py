@@ -16,7 +16,8 @@ class Segment:
     """Hold a gap-free stretch of one recording; the first `burn` rows settle the state and are not scored.
 
     y (N, l) one row every `step` seconds; u (N · stride, r) at the recording's own rate. `before` (M, r) holds the
-    inputs of the rows that end where the stretch begins: what lies in front of the plant remembers them.
+    inputs of the rows that end where the stretch begins: what lies in front of the plant remembers them. least_steps:
+    Runge–Kutta steps that a row of u takes at least, as the states that the baseline passes need them.
     """
 
     u: Array
@@ -27,6 +28,7 @@ class Segment:
     burn: int
     stride: int = 1
     before: Array | None = None
+    least_steps: int = 1
 
     @cached_property
     def history(self) -> Array:

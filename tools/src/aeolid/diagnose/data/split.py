@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,11 @@ class Split:
     select: tuple[Segment, ...]
     sealed: tuple[Segment, ...]
     rows: tuple[dict[str, object], ...]
+
+    def stepped(self, least: int) -> Split:
+        """Return the same parts with that many integration steps a row of inputs at least."""
+        parts = (tuple(replace(s, least_steps=least) for s in part) for part in (self.fit, self.select, self.sealed))
+        return Split(*parts, self.rows)
 
     @property
     def sealed_text(self) -> str:

@@ -18,7 +18,8 @@ from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.predictor.gains import forgets, kalman_gain
 from aeolid.diagnose.predictor.noise import Noise, ScoredRows, estimate_noise, filter_var, preferred_order, scored_rows
 from aeolid.diagnose.predictor.point import LEAST_VARIANCE, Free, Point, Prior, Scales
-from aeolid.models.integrate import Compiled, driven, substeps
+from aeolid.models.integrate import Compiled, driven
+from aeolid.models.integration_steps import substeps
 from aeolid.models.machine_code import LANES
 
 Array = NDArray[np.float64]
@@ -93,7 +94,8 @@ class Evaluator:
         if known is not None and known[0] == asked:
             return known[1]
         segment = self.segments[index]
-        count = substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+        start = substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+        count = max(start, segment.least_steps)
         self._counts[index] = asked, count
         return count
 

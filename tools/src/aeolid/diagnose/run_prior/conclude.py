@@ -51,6 +51,10 @@ from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
+_NO_SHAM = (
+    "No null simulations are made of a simulator's run: the limits beyond which an effect is named were measured on"
+    " pairs of runs in which nothing was changed."
+)
 _FAULTS = ("data_time_offset", "sensor_sign")  # of what was found, what is the recording's fault and not the model's
 
 
@@ -153,7 +157,7 @@ def diagnosis_of(study: RunStudy, title: str, units: Mapping[str, str]) -> dict[
             "recovered_fraction": min(max(proof.gain / max(proof.ceiling, 1e-9), 0.0), 1.0) if effects else 0.0,
             "ceiling_gain": proof.ceiling,
         },
-        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": quoted(x.limit)},
+        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": quoted(x.limit), "text": _NO_SHAM},
         "not_excluded": not_excluded(x, {e["id"] for e in effects}), "next_experiment": None,
         "run": {
             "nats_lost": x.lost, "weight": x.weight, "weight_after": _finite(x.after), "errors_grow": dict(x.moved),
@@ -272,6 +276,14 @@ def conclude_run(
     return diagnosis, write_found(diagnosis, evidence, model, wild, deadline, folder, lacking)
 
 
+def _stands(nats: float, needed: float) -> dict[str, Any]:
+    """Return whether a hypothesis gains enough for a name, and else why it is not accepted."""
+    enough = bool(nats > needed)
+    return {"plausible": enough} | (
+        {} if enough else {"reason": f"gains {max(nats, 0.0):.3g} nats; a name needs more than {needed:.3g}"}
+    )
+
+
 def _without(x: Explanation) -> Explanation:
     return replace(x, found=(), change=NOTHING)
 
@@ -287,7 +299,8 @@ def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units:
         "candidates": [
             {"key": s.hypothesis.key, "parts": [[s.hypothesis.entry, s.hypothesis.place]],
              "values": dict(zip(s.hypothesis.names, s.values, strict=True)), "nats": quoted(s.nats),
-             "nats_before_control": s.raw, "weight_of_run": s.weight, "plausible": bool(s.nats > rules.named_nats)}
+             "nats_before_control": s.raw, "weight_of_run": s.weight}
+            | _stands(s.nats, rules.named_nats)
             for s in rows
         ],
         "evaluations": x.evaluations,

@@ -17,9 +17,10 @@ def functions_of(model: Equations, prefix: str) -> str:
     """Return flow, read and renew of a model as static functions of arrays x, u, th (and dt), results last.
 
     x holds the states and behind them the memories; names of the model appear nowhere. All memories settle first, then
-    each is renewed; later ones see its new value.
+    each is renewed; later ones see its new value. A model without states has no flow.
     """
-    return "\n\n".join((_flow(model, prefix), _read(model, prefix), _renew(model, prefix)))
+    flow = [_flow(model, prefix)] if model.states else []
+    return "\n\n".join((*flow, _read(model, prefix), _renew(model, prefix)))
 
 
 def _flow(model: Equations, prefix: str) -> str:
@@ -36,14 +37,17 @@ def _read(model: Equations, prefix: str) -> str:
 
 def _renew(model: Equations, prefix: str) -> str:
     trees = [tree for m in model.memories for tree in (m.next, m.settled)]
-    lines, names = _visible(model, trees, prefix)
+    following = model.intermediates_of_memories(trees)
+    lines, names = _visible(model, trees, prefix, [a.name for a in following])
     names[STEP], first = "dt", len(model.states)
     for i, m in enumerate(model.memories):
         settled = _value(m.settled, names, prefix)
         lines.append(f"    double m{i} = {prefix}_is_nan(x[{first + i}]) ? {settled} : x[{first + i}];")
         names[m.name] = f"m{i}"
+        lines += [f"    {names[a.name]} = {_value(a.equation, names, prefix)};" for a in following]
     for i, m in enumerate(model.memories):
         lines.append(f"    m{i} = {_value(m.next, names, prefix)};")
+        lines += [f"    {names[a.name]} = {_value(a.equation, names, prefix)};" for a in following]
     lines += [f"    x[{first + i}] = m{i};" for i in range(len(model.memories))]
     return _function(prefix, "renew", "double *x, const double *u, const double *th, double dt", lines, ("dt",))
 
@@ -53,8 +57,13 @@ def _function(prefix: str, name: str, arguments: str, lines: Sequence[str], more
     return f"static void {prefix}_{name}({arguments}) {{\n{unused}" + "\n".join([*lines, "}"])
 
 
-def _visible(model: Equations, roots: Sequence[ast.expr], prefix: str) -> tuple[list[str], dict[str, str]]:
-    """Return the intermediates that these equations use, as lines, and how everything they name is called in C."""
+def _visible(
+    model: Equations, roots: Sequence[ast.expr], prefix: str, changing: Sequence[str] = ()
+) -> tuple[list[str], dict[str, str]]:
+    """Return the intermediates that these equations use, as lines, and how everything they name is called in C.
+
+    changing: names of those that are computed again.
+    """
     used = set().union(*(ex.names_in(r) for r in roots)) if roots else set()
     needed = []
     for a in reversed(model.auxiliaries):
@@ -67,7 +76,8 @@ def _visible(model: Equations, roots: Sequence[ast.expr], prefix: str) -> tuple[
     names |= {p.name: f"th[{i}]" for i, p in enumerate(model.parameters)}
     lines = []
     for k, a in enumerate(reversed(needed)):
-        lines.append(f"    const double a{k} = {_value(a.equation, names, prefix)};")
+        kind = "double" if a.name in changing else "const double"
+        lines.append(f"    {kind} a{k} = {_value(a.equation, names, prefix)};")
         names[a.name] = f"a{k}"
     return lines, names
 

@@ -37,7 +37,10 @@ enum { FIRST_PARAMETER = FIRST_START + STATES, VARIABLES = FIRST_PARAMETER + PAR
 typedef struct {
     @name@_simulation run;
     double u[@UPPER@_ROOM(@R@)];
+    double start[@UPPER@_ROOM(@N@)]; /* what the states were last set to */
 } unit_state;
+
+static const double declared_inputs[@UPPER@_ROOM(@R@)] = @INPUTS@;
 
 typedef struct {
     unit_state state;
@@ -55,6 +58,8 @@ static fmi2Status told(const unit *c, const char *message) {
 static void begin(unit *c) {
     memset(&c->state, 0, sizeof c->state);
     @name@_reset(&c->state.run);
+    memcpy(c->state.u, declared_inputs, sizeof(double) * @R@);
+    memcpy(c->state.start, c->state.run.x, sizeof(double) * @N@);
 }
 
 EXPORT const char *fmi2GetTypesPlatform(void) {
@@ -141,7 +146,7 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference 
         } else if (i < FIRST_START) {
             value[k] = c->state.run.x[i - FIRST_STATE];
         } else if (i < FIRST_PARAMETER) {
-            value[k] = c->state.run.x[i - FIRST_START];
+            value[k] = c->state.start[i - FIRST_START];
         } else if (i < VARIABLES) {
             value[k] = c->state.run.parameter[i - FIRST_PARAMETER];
         } else {
@@ -156,14 +161,16 @@ EXPORT fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference 
     unit *c = (unit *)component;
     for (size_t k = 0; k < n; k++) {
         const int i = vr[k] < (fmi2ValueReference)VARIABLES ? (int)vr[k] : VARIABLES;
+        if ((i >= FIRST_OUTPUT && i < FIRST_START) || i == VARIABLES) {
+            return told(c, "only inputs, starts and parameters can be set");
+        }
         if (i < FIRST_OUTPUT) {
             c->state.u[i] = value[k];
-        } else if (i >= FIRST_START && i < FIRST_PARAMETER) {
+        } else if (i < FIRST_PARAMETER) {
+            c->state.start[i - FIRST_START] = value[k];
             c->state.run.x[i - FIRST_START] = value[k];
-        } else if (i >= FIRST_PARAMETER && i < VARIABLES) {
-            c->state.run.parameter[i - FIRST_PARAMETER] = value[k];
         } else {
-            return told(c, "only inputs, starts and parameters can be set");
+            c->state.run.parameter[i - FIRST_PARAMETER] = value[k];
         }
     }
     return fmi2OK;
@@ -173,8 +180,12 @@ EXPORT fmi2Status fmi2DoStep(fmi2Component component, fmi2Real now, fmi2Real len
     unit *c = (unit *)component;
     (void)(now);
     (void)(no_return);
-    if (@name@_step(&c->state.run, c->state.u, length) == 0) {
+    const int failed = @name@_step(&c->state.run, c->state.u, length);
+    if (failed == 0) {
         return fmi2OK;
+    }
+    if (failed == -2) {
+        return told(c, "a parameter that is a dead time is outside its declared range");
     }
     return told(c, "a state has left the finite numbers, or the step is none of the model's (@STEP@ s)");
 }

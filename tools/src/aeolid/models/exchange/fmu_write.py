@@ -16,7 +16,7 @@ from pathlib import Path
 
 from aeolid.errors import DataError
 from aeolid.models.equations import TIME, Equations, Output, Parameter, State
-from aeolid.models.exchange.c_simulation import c_simulation, checked_step
+from aeolid.models.exchange.c_simulation import c_simulation, checked_step, longest_dead_times, row_of
 from aeolid.models.exchange.fmu_template import TEMPLATE
 from aeolid.models.model_file import Signal
 from aeolid.output import replacing
@@ -57,7 +57,8 @@ def write_fmu(path: Path, model: Equations, step_s: float, *, name: str, source:
 def _unit(model: Equations, simulation: str, name: str, step_s: float, identity: str) -> str:
     sizes = {"@R@": model.inputs, "@L@": model.outputs, "@N@": model.states, "@P@": model.parameters}
     words = {mark: str(len(having)) for mark, having in sizes.items()}
-    words |= {"@GUID@": identity, "@STEP@": f"{step_s:g}", "@UPPER@": name.upper(), "@name@": name}
+    words |= {"@INPUTS@": row_of(s.offset for s in model.inputs), "@GUID@": identity, "@STEP@": f"{step_s:g}"}
+    words |= {"@UPPER@": name.upper(), "@name@": name}
     text = TEMPLATE
     for mark, word in words.items():
         text = text.replace(mark, word)
@@ -86,7 +87,7 @@ def _description(model: Equations, name: str, step_s: float, identity: str) -> b
             ET.SubElement(defined, "Unit", name=text)
     ET.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(step_s))
     variables = ET.SubElement(root, "ModelVariables")
-    for index, (attributes, real) in enumerate(_variables(model)):
+    for index, (attributes, real) in enumerate(_variables(model, longest_dead_times(model, step_s))):
         scalar = ET.SubElement(variables, "ScalarVariable", {"valueReference": str(index)} | attributes)
         ET.SubElement(scalar, "Real", real)
     structure, first = ET.SubElement(root, "ModelStructure"), len(model.inputs) + 1
@@ -99,8 +100,11 @@ def _description(model: Equations, name: str, step_s: float, identity: str) -> b
     return written + b"\n"
 
 
-def _variables(model: Equations) -> list[tuple[dict[str, str], dict[str, str]]]:
-    """Return the attributes of each variable and of its real, in the order of the value references."""
+def _variables(model: Equations, longest: Mapping[str, float]) -> list[tuple[dict[str, str], dict[str, str]]]:
+    """Return the attributes of each variable and of its real, in the order of the value references.
+
+    longest: of parameters that are dead times, up to what the unit has room for them, s.
+    """
     found: list[tuple[dict[str, str], dict[str, str]]] = []
     for s in model.inputs:
         role = {"name": s.name, "causality": "input", "variability": "continuous"}
@@ -117,6 +121,8 @@ def _variables(model: Equations) -> list[tuple[dict[str, str], dict[str, str]]]:
         found.append((role, _unit_of(x.unit) | {"start": repr(float(x.initial))}))
     for p in model.parameters:
         limits = {"min": p.minimum, "max": p.maximum}
+        if p.name in longest:
+            limits = {"min": max(p.minimum, 0.0), "max": min(p.maximum, longest[p.name])}
         real = _unit_of(p.unit) | {"start": repr(float(p.value))}
         real |= {key: repr(float(v)) for key, v in limits.items() if math.isfinite(v)}
         found.append((_named(p.name, model) | {"causality": "parameter", "variability": "tunable"}, real))
