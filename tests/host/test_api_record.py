@@ -137,3 +137,78 @@ def test_xarray_is_optional(monkeypatch: pytest.MonkeyPatch) -> None:
     variables, coordinates, facts = made().to_xarray()  # type: ignore[misc]
     assert variables["pitch"][2] == {"units": "deg", "role": "input"} and facts["sample_time_s"] == 0.1  # type: ignore
     assert np.array_equal(variables["pitch"][1], ROWS[:, 0]) and len(coordinates["time_s"]) == 60  # type: ignore
+
+
+def test_an_index_whose_rows_were_counted_is_no_clock() -> None:
+    """Rows dropped before: pandas keeps whole numbers, which were taken for seconds."""
+    frame = FRAME.copy()
+    frame.iloc[7, 0] = np.nan
+    for one in (frame.dropna(), frame.drop(index=5), frame[frame.pitch > frame.pitch.min()]):
+        with pytest.raises(ae.UsageError, match="sample_time is missing: the index counts rows"):
+            made(one, sample_time=None)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit_s", "step_s"),
+    [("time [ms]", 1e-3, 0.1), ("time_ms", 1e-3, 0.1), ("time_s", 1.0, 0.1), ("time [h]", 3600.0, 36.0)],
+)
+def test_the_unit_of_an_index_stands_behind_its_name(name: str, unit_s: float, step_s: float) -> None:
+    """As in the heading of a file: `time [ms]` in steps of 100 was a sample every 100 s."""
+    frame = FRAME.set_index(pd.Index(step_s / unit_s * np.arange(len(FRAME)), name=name))
+    assert made(frame, sample_time=None).sample_time_s == pytest.approx(step_s, rel=1e-9)
+
+
+def test_an_index_whose_unit_is_open_is_asked_for() -> None:
+    frame = FRAME.set_index(pd.Index(100.0 * np.arange(len(FRAME)), name="time"))
+    with pytest.raises(
+        ae.UsageError, match=r"'time' does not say its unit; name it with one, .*'time \[ms\]'"
+    ):
+        made(frame, sample_time=None)
+
+
+def test_a_clock_and_a_sample_time_must_agree() -> None:
+    """As of arrays with a time: the one given beside dates overrode them, ten times too slow."""
+    frame = FRAME.set_index(pd.Timestamp("2026-03-01") + pd.to_timedelta(0.1 * np.arange(len(FRAME)), "s"))
+    assert made(frame, sample_time=0.1).sample_time_s == 0.1
+    with pytest.raises(ae.DataError, match=r"steps by 0.1 s, the roles file says sample_time_s = 1\b.*too large"):
+        made(frame, sample_time=1.0)
+
+
+def test_units_are_spelt_as_in_a_roles_file(tmp_path: Path) -> None:
+    """`RPM` from Python was another unit than `rpm`: a harmonic of the rotor was listed as a mode of the tower."""
+    text = "unit 'degrees' of 'pitch' is written 'deg' here"
+    with pytest.raises(ae.DataError, match=text):
+        made(units=UNITS | {"pitch": "degrees"})
+    write_folder(tmp_path)
+    with pytest.raises(ae.DataError, match=text):
+        ae.read(tmp_path / "monday.outb", roles={"pitch": ("input", "degrees"), "rotor_speed": "output"})
+
+
+@pytest.mark.parametrize("entry", [5, None, (), ("input", 3), ("input", "deg", "more")])
+def test_a_role_of_another_type_is_refused(entry: object, tmp_path: Path) -> None:
+    with pytest.raises(ae.UsageError, match=r"roles: 'pitch' has .*; a role, or role and unit, is needed"):
+        ae.read(tmp_path / "monday.outb", roles={"pitch": entry})
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    for step in (np.float32(0.5), np.float64(0.5), np.array(0.5)[()]):
+        assert made(sample_time=step).sample_time_s == 0.5
+    assert made(sample_time=np.int64(1)).sample_time_s == 1.0
+
+
+@pytest.mark.parametrize(
+    ("what", "text"),
+    [
+        ("text", "sample_time = '0.1': a number"), ("truth", "sample_time = True: a number"),
+        ("unknown", "unexpected keyword argument 'sample_times'"), ("empty", "channels is empty; name at least one"),
+    ],
+)  # fmt: skip
+def test_arguments_of_another_type_are_refused_in_words(what: str, text: str) -> None:
+    """Every public function, by its annotations: bare errors of Python told of the inside, not of the parameter."""
+    wrong: dict[str, dict[str, Any]] = {
+        "text": {"sample_time": "0.1"},
+        "truth": {"sample_time": True},
+        "unknown": {"sample_times": 0.1},
+    }
+    with pytest.raises(ae.UsageError, match=text):
+        made().plot(channels=[]) if what == "empty" else made(**wrong[what])

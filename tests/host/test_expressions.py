@@ -177,3 +177,16 @@ def test_substitution_keeps_precedence_and_leaves_the_original() -> None:
 def test_joining_is_grouped(operator: str, value: float) -> None:
     joined = ex.combine(operator, ex.parse("a", "1"), ex.parse("0.5 + 1", "1"))
     assert compiled(joined, {"a": 0.7}) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", sorted(ex.FUNCTIONS))
+def test_both_limits_of_a_function_are_told(name: str) -> None:
+    """Ten arguments of max were told to be "2 or more", which they are."""
+    fewest, most = ex.FUNCTIONS[name]
+    for count in (fewest, most):
+        ex.parse(f"{name}({', '.join(['a'] * count)})", "here")
+    for count in (fewest - 1, most + 1):
+        with pytest.raises(DataError) as refused:
+            ex.parse(f"{name}({', '.join(['a'] * count)})", "here")
+        limits = f"{fewest} argument," if fewest == most else f"{fewest} to {most} arguments,"
+        assert str(refused.value).endswith(f"takes {limits} found {count}"), refused.value

@@ -31,7 +31,7 @@ from aeolid.text_files import check_keys as check_keys  # part of this module's 
 from aeolid.units import PAGE, rightly
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
-TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
+TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d", "100ns")
 HOLDS = ("zoh", "foh", "band_limited", "auto")  # of a channel that acts: held, straight, smooth, as recordings say
 _BLADES = 9  # of a rotor, at most
 _CHANNEL_KEYS = {"name", "unit", "role", "column", "hold", "blade", "position", "direction"}
@@ -296,11 +296,7 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
             raise DataError(f"{where}: {key} = {shown(entry[key])} is longer than {MOST_LETTERS} characters")
     if has_unseen(entry["name"], entry["unit"]):
         raise DataError(f"{where}: the name {token(entry['name'])!r} or its unit holds a control character; rename it")
-    right = rightly(entry["unit"])
-    if right is not None:
-        raise DataError(
-            f"{where}: the unit {entry['unit']!r} of {entry['name']!r} is written {right!r} here; correct it ({PAGE})"
-        )
+    check_spelling(entry["unit"], entry["name"], where)
     if entry["role"] not in ROLES:
         raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")
     if not is_short(entry.get("column", "")):
@@ -315,6 +311,13 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
         raise DataError(f"{where}: blade = {shown(blade)} is no number of a blade, 1 … {_BLADES}")
     place, direction = read_placement(entry, where)
     return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"), hold, blade, place, direction)
+
+
+def check_spelling(unit: str, channel: str, where: str) -> None:
+    """Refuse a unit that is written otherwise here; raises DataError that names both spellings."""
+    right = rightly(unit)
+    if right is not None:
+        raise DataError(f"{where}: the unit {unit!r} of {channel!r} is written {right!r} here; correct it ({PAGE})")
 
 
 def channel_lines(c: Channel) -> list[str]:

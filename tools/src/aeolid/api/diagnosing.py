@@ -49,12 +49,12 @@ def diagnose(
     title : str
         What the report calls the diagnosis.
     context : mapping, optional
-        What is known of the machine, as [context] of case.toml: machine, blades, rated_speed_rad_s, offshore,
-        closed_loop.
+        What is known of the machine, as [context] of case.toml: machine, blades, rated_speed_rad_s,
+        gearbox_ratio, offshore, closed_loop.
     same_inputs : bool
         Whether a simulator's run had the recorded inputs.
     sham : int
-        Null runs of the whole procedure, 0 to 1000.
+        Null simulations of the whole procedure, 0 to 1000; none are made where the baseline is a run.
     seed : int
         Seed of the bootstrap and the null runs.
     time_limit : float or str

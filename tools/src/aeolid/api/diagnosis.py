@@ -13,7 +13,7 @@ from aeolid.api import markup
 from aeolid.api.session import public
 from aeolid.api.table import Table
 from aeolid.errors import NotIdentifiable
-from aeolid.wording import plus_minus
+from aeolid.wording import plus_minus, spoken
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,7 +113,7 @@ class Diagnosis:
     @property
     def statement(self) -> str:
         """Return the result in a sentence."""
-        return str(self.facts["statement"])
+        return spoken(str(self.facts["statement"]))
 
     @property
     def effects(self) -> Table[Effect]:
@@ -249,7 +249,7 @@ class Diagnosis:
             for kind, colour in (("measured", "0.55"), ("before", "C1"), ("after", "C0")):
                 y = np.array([np.nan if v is None else v for v in values[kind]], dtype=float)
                 place.plot(values["time_s"], y, linewidth=0.9, label=kind, color=colour)
-            place.set_ylabel(places.label(name))
+            place.set_ylabel(places.label(f"{name} ({values.get('unit') or '1'})"))
         found[0].legend(loc="upper right")
         found[0].set_title("sealed data", fontsize="medium")
         found[-1].set_xlabel("time (s)")
@@ -273,6 +273,11 @@ class Diagnosis:
         from aeolid.api import axes as places
 
         rows = [row for row in self.scores if row.get("statistic") is not None][:most]
+        if not rows:
+            place = places.one(axes, size=(7.0, 1.5))
+            place.text(0.5, 0.5, "a simulator's run has no scores; `candidates` has the explanations", ha="center")
+            place.set_axis_off()
+            return place
         place = places.one(axes, size=(7.0, 0.4 + 0.25 * max(len(rows), 2)))
         height = np.arange(len(rows))
         place.barh(height, [row["statistic"] for row in rows])

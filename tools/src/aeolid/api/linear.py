@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.api import facts as told
 from aeolid.api import markup
-from aeolid.api.session import public
+from aeolid.api.session import in_python, public
 from aeolid.api.table import Table
 from aeolid.errors import UsageError
 
@@ -118,7 +118,7 @@ class LinearModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """Return what the identification warns of."""
-        return told.texts(self.facts, "notes")
+        return tuple(in_python(text) for text in told.texts(self.facts, "notes"))
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -136,7 +136,7 @@ class LinearModel:
 
     @public
     def to_control(self, *, innovations: bool = False) -> Any:
-        """Return the model as a control.StateSpace; python-control is optional.
+        """Return the model as a control.StateSpace, whose signals are deviations from their `offset` here.
 
         Parameters
         ----------

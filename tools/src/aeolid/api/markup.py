@@ -20,6 +20,15 @@ def count(number: int, what: str) -> str:
     return counted(number, what)
 
 
+def fit_of(what: str, worst: float | None) -> str:
+    """Return a fit in percent for a line of text; None where no output has a score, since all are constant.
+
+    >>> fit_of("free-run", 87.4), fit_of("free-run", None)
+    ('free-run fit 87 %', 'no free-run fit (constant outputs)')
+    """
+    return f"no {what} fit (constant outputs)" if worst is None else f"{what} fit {worst:.0f} %"
+
+
 def title(text: str) -> str:
     """Return a name from a file for a line of text: written out, and short."""
     return token(text, 60)

@@ -10,7 +10,7 @@ from typing import Any
 from aeolid.api.record import Record
 from aeolid.api.session import public
 from aeolid.errors import DataError, UsageError
-from aeolid.record import ROLES, Channel, Roles, check_resample
+from aeolid.record import ROLES, Channel, Roles, check_resample, check_spelling
 
 
 @public
@@ -60,9 +60,13 @@ def _roles(given: Any) -> Roles:
         raise UsageError(f"roles is a {type(given).__name__}; the name of a roles file or a mapping is needed")
     channels = []
     for name, entry in given.items():
-        role, unit = (entry, "") if isinstance(entry, str) else (*entry, "")[:2]
+        pair = (entry,) if isinstance(entry, str) else entry
+        if not isinstance(pair, tuple | list) or not 1 <= len(pair) <= 2 or not all(isinstance(t, str) for t in pair):
+            raise UsageError(f'roles: {name!r} has {entry!r}; a role, or role and unit, is needed: ("input", "deg")')
+        role, unit = (*pair, "")[:2]
         if role not in ROLES:
             raise DataError(f"roles: {name!r} has the role {role!r}, which is none of {', '.join(ROLES)}")
+        check_spelling(unit, str(name), "roles")
         channels.append(Channel(str(name), str(unit), role))
     if not channels:
         raise UsageError("roles names no channel; name at least one input and one output")

@@ -73,8 +73,9 @@ class Record(core.Record):
         Parameters
         ----------
         frame : pandas.DataFrame
-            One row a sample, a missing sample is NaN. Without `sample_time` its index is the time: seconds, a
-            DatetimeIndex or a TimedeltaIndex; whole samples that the time leaves out become NaN.
+            One row a sample, a missing sample is NaN. The time is its index: a DatetimeIndex, a TimedeltaIndex, numbers
+            under the name of a time ("time", "time [ms]"), or seconds with a fraction; whole samples that the time
+            leaves out become NaN. An index that counts rows is no time: give `sample_time`.
         inputs : sequence of str
             Columns that drive the plant.
         outputs : sequence of str
@@ -84,7 +85,7 @@ class Record(core.Record):
         units : mapping of str to str, optional
             Unit of each column; a column without one is taken as it is.
         sample_time : float, optional
-            Sample time in seconds; default that of the index.
+            Sample time in seconds; default that of the index, with which it must agree.
         source : str
             What messages call the recording.
 
@@ -110,7 +111,7 @@ class Record(core.Record):
                 fault = "stands there twice; rename one" if name in have else f"is missing; it has {', '.join(have)}"
                 raise DataError(f"{source}: column {name!r} {fault}")
         columns = {name: frame.iloc[:, have.index(name)].to_numpy() for name in wanted}
-        time = None if sample_time is not None else clock_of(frame.index, source)
+        time = clock_of(frame.index, source, sample_time)
         return cls._made(columns, wanted, units, time, sample_time, source)
 
     @classmethod
@@ -181,6 +182,7 @@ class Record(core.Record):
             fault = fault_of_name(name, units.get(name, ""))
             if fault:
                 raise DataError(f"{source}: the name {name!r} {fault}; rename it")
+            core.check_spelling(units.get(name, ""), name, source)
         grid, matrix = placed(values, time, sample_time, source)
         channels = tuple(core.Channel(name, units.get(name, ""), role) for name, role in roles.items())
         digest = hashlib.sha256(np.ascontiguousarray(matrix).tobytes()).hexdigest()
@@ -237,7 +239,10 @@ class Record(core.Record):
         """
         from aeolid.api import axes as places
 
-        names = [c.name for c in self.channels] if channels is None else list(channels)
+        chosen = [channels] if isinstance(channels, str) else channels
+        names = [c.name for c in self.channels] if chosen is None else list(chosen)
+        if not names:
+            raise UsageError("channels is empty; name at least one, or leave it out to draw all")
         found = places.grid(axes, len(names), 1, size=(7.0, 1.5), sharex=True)[:, 0]
         for place, name in zip(found, names, strict=True):
             place.plot(self.time_s, self.column(name), linewidth=0.9)

@@ -10,7 +10,7 @@ import numpy as np
 
 from aeolid.api import facts as told
 from aeolid.api import markup
-from aeolid.api.session import public
+from aeolid.api.session import in_python, public
 from aeolid.api.table import Table
 from aeolid.errors import UsageError
 
@@ -117,7 +117,7 @@ class ScheduledModel:
     @property
     def notes(self) -> tuple[str, ...]:
         """Return what the identification warns of."""
-        return told.texts(self.facts, "notes")
+        return tuple(in_python(text) for text in told.texts(self.facts, "notes"))
 
     def summary(self) -> str:
         """Return a few lines of text."""

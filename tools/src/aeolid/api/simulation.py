@@ -113,7 +113,7 @@ class Simulation:
     def __repr__(self) -> str:
         size = f"<Simulation: {markup.count(len(self.time_s), 'sample')}, {markup.count(len(self.outputs), 'output')}"
         score = self.run.score
-        fit = "" if score is None else f", free-run fit {min(score.vaf.values()):.0f} %"
+        fit = "" if score is None else f", {markup.fit_of('free-run', score.worst_vaf)}"
         return size + ("" if self.divergence is None else ", DIVERGES") + fit + ">"
 
     def _repr_html_(self) -> str:

@@ -160,9 +160,9 @@ class Validation:
     def __repr__(self) -> str:
         parts = [markup.count(len(self.outputs), "output")]
         if self.result.driven:
-            parts += [f"free-run fit {min(self.result.free_run.vaf.values()):.0f} %"]
+            parts += [markup.fit_of("free-run", self.result.free_run.worst_vaf)]
         if self.result.fit is not None:
-            parts += [f"one-step fit {min(self.result.fit.one_step.vaf.values()):.0f} %", f"innovations {self.verdict}"]
+            parts += [markup.fit_of("one-step", self.result.fit.one_step.worst_vaf), f"innovations {self.verdict}"]
         return f"<Validation: {', '.join(parts)}{'' if self.divergence is None else ', DIVERGES'}>"
 
     def _repr_html_(self) -> str:

@@ -25,25 +25,41 @@ LONGEST = 200_000  # samples of each recording that are used: enough for three d
 
 @dataclass(frozen=True)
 class Score:
-    """Hold VAF in percent and NRMSE (rms error / standard deviation) for each output name."""
+    """Hold VAF in percent and NRMSE (rms error / standard deviation) for each output name.
+
+    constant: outputs that do not vary where they were recorded, of which neither is defined: not a number in both.
+    """
 
     vaf: dict[str, float]
     nrmse: dict[str, float]
+    constant: tuple[str, ...] = ()
+
+    @property
+    def worst_vaf(self) -> float | None:
+        """Return the lowest VAF of the outputs that have one, NaN where one diverges; None where none has."""
+        values = [v for name, v in self.vaf.items() if name not in self.constant]
+        return float(np.min(values)) if values else None
 
     def diverges(self, name: str) -> bool:
         """Say whether an estimate is off by more than ten standard deviations of an output, or not a number."""
-        return not np.isfinite(self.vaf[name]) or self.vaf[name] < DIVERGES
+        return name not in self.constant and not self.vaf[name] >= DIVERGES
 
     def text(self, name: str) -> str:
         """Return the scores of one output as text; "diverges" for a free run that left all bounds."""
+        if name in self.constant:
+            return "no score: the recorded output is constant"
         if self.diverges(name):
             return "diverges"
         return f"VAF {self.vaf[name]:.2f} % (NRMSE {self.nrmse[name]:.4f})"
 
-    def to_json(self) -> dict[str, dict[str, float | None]]:
-        """Return {"vaf": …, "nrmse": …}; a value that is not finite (a diverging model) as null."""
+    def to_json(self) -> dict[str, Any]:
+        """Return {"vaf": …, "nrmse": …}; a value that is not finite (a diverging model, no score) as null.
+
+        Where outputs are constant, "constant" lists them.
+        """
         tables = (("vaf", self.vaf), ("nrmse", self.nrmse))
-        return {key: {n: v if np.isfinite(v) else None for n, v in table.items()} for key, table in tables}
+        facts = {key: {n: v if np.isfinite(v) else None for n, v in table.items()} for key, table in tables}
+        return facts | ({"constant": list(self.constant)} if self.constant else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +154,8 @@ def count_complete(y: Array) -> int:
 
 def score(names: Sequence[str], y: Array, estimate: Array) -> Score:
     """Return the score of an estimate (N, l) of y (N, l); samples missing in either are left out."""
-    with np.errstate(all="ignore"):
-        tables = (vaf(y, estimate), nrmse(y, estimate))
-    return Score(*({n: float(v) for n, v in zip(names, t, strict=True)} for t in tables))
+    still = [len(column) > 0 and bool(np.all(column == column[0])) for column in (c[np.isfinite(c)] for c in y.T)]
+    with np.errstate(all="ignore"):  # what rounding leaves of a constant's variance is no measure
+        tables = (np.where(still, np.nan, t) for t in (vaf(y, estimate), nrmse(y, estimate)))
+        explained, errors = ({n: float(v) for n, v in zip(names, t, strict=True)} for t in tables)
+    return Score(explained, errors, tuple(n for n, s in zip(names, still, strict=True) if s))

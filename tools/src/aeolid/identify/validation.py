@@ -46,10 +46,13 @@ class Validation:
         return self.fit is None or self.fit.driven
 
     def worst_nrmse(self, metric: str) -> float:
-        """Return the largest NRMSE of the outputs, infinite where it is not a number or not available."""
+        """Return the largest NRMSE of the outputs, infinite where it is not a number or not available.
+
+        An output that is constant in the recording has none and is left out, unless all are.
+        """
         scores = self.free_run if metric == "free-run" else None if self.fit is None else self.fit.one_step
-        values = [np.inf] if scores is None else list(scores.nrmse.values())
-        return float(np.max([v if np.isfinite(v) else np.inf for v in values]))
+        values = [] if scores is None else [v for n, v in scores.nrmse.items() if n not in scores.constant]
+        return float(np.max([v if np.isfinite(v) else np.inf for v in values] or [np.inf]))
 
     def to_json(self) -> dict[str, Any]:
         """Return the facts for machines."""

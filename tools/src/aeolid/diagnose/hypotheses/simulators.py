@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 
 from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.parts.settings import DERIVED
 
 
 def settings(effect: str, place: str = "", values: Mapping[str, float] | None = None) -> tuple[tuple[str, str], ...]:
     """Return (simulator, what to set) for an effect at a place with its values; none where no simulator has a switch.
 
-    Where a value that a row names was not told, the general row stands.
+    values: by symbol of the entry's quantities. Where a value that a row names was not told, or is not finite, the
+    general row stands.
     """
-    told = dict(values or {})
-    if told.get("tau_s"):
-        told["inverse_tau"] = 1.0 / told["tau_s"]
-    if "density_change" in told:
-        told["density_factor"] = 1.0 + told["density_change"]
+    told = {n: v for n, v in (values or {}).items() if math.isfinite(v)}
+    for name, (source, of) in DERIVED.items():
+        if source in told and (source != "tau_s" or told[source] > 0):
+            told[name] = of(told[source])
     found = []
     for row in entry(effect).settings:
         if re.search(row.at, place.lower()) is None:

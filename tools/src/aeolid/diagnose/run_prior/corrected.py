@@ -88,15 +88,15 @@ _FILTERS: dict[str, tuple[str, Callable[[Mapping[str, float]], dict[str, float]]
     "actuator_lag": ("actuator_lag", lambda v: {"tau_s": v["tau_s"]}),
     "transport_delay": ("transport_delay", lambda v: {"delay_s": v["delay_s"]}),
     "actuator_second_order": (
-        "actuator_second_order", lambda v: {"inverse_omega_s": 1 / v["omega_rad_s"], "damping": v["zeta"]}
+        "actuator_second_order", lambda v: {"inverse_omega_s": 1 / v["omega_rad_s"], "damping": v["damping"]}
     ),
     "backlash": ("backlash", lambda v: {"width": v["width"], "share": 1.0}),
     "deadband": ("deadband", lambda v: {"width": v["width"], "share": 1.0}),
-    "rate_limit": ("rate_limit", lambda v: {"rate_per_s": v["rate"], "share": 1.0}),
+    "rate_limit": ("rate_limit", lambda v: {"rate_per_s": v["rate_per_s"], "share": 1.0}),
     "parameter_error": ("input_scale", lambda v: {"factor": v["factor"], "share": 1.0}),
     "sensor_scale": ("input_scale", lambda v: {"factor": v["factor"], "share": 1.0}),
-    "dynamic_inflow": ("lead_lag", lambda v: {"tau_s": v["tau_s"], "gain": v["k"]}),
-    "unsteady_aero": ("lead_lag", lambda v: {"tau_s": v["tau_s"], "gain": -v["k"]}),
+    "dynamic_inflow": ("lead_lag", lambda v: {"tau_s": v["tau_s"], "gain": v["overshoot"]}),
+    "unsteady_aero": ("lead_lag", lambda v: {"tau_s": v["tau_s"], "gain": -v["lagging_share"]}),
 }  # fmt: skip
 
 

@@ -96,12 +96,13 @@ def _of_input(pair: Pair, i: int, name: str, unit: str) -> list[Hypothesis]:
         Hypothesis("transport_delay", place, ("delay_s",), ("s",), (1e-3 * block,), (longest / 2,),
                    tuple((k * pair.step,) for k in _DELAYS),
                    partial(on, ways.delay)),
-        Hypothesis("actuator_second_order", place, ("omega_rad_s", "zeta"), ("rad/s", "1"), (0.3 / block, 0.2),
+        Hypothesis("actuator_second_order", place, ("omega_rad_s", "damping"), ("rad/s", "1"), (0.3 / block, 0.2),
                    (30 / block, 1.2), tuple((w / block, z) for w in (0.35, 0.7, 1.4, 2.8) for z in (0.5, 0.9)),
                    partial(on, ways.drive)),
-        Hypothesis("dynamic_inflow", place, ("tau_s", "k"), ("s", "1"), (longest / 4, 0.02), (6 * longest, 2.0), slow,
-                   partial(on, _overshoot)),
-        Hypothesis("unsteady_aero", place, ("tau_s", "k"), ("s", "1"), (0.2 * block, 0.02), (longest / 4, 0.6),
+        Hypothesis("dynamic_inflow", place, ("tau_s", "overshoot"), ("s", "1"), (longest / 4, 0.02),
+                   (6 * longest, 2.0), slow, partial(on, _overshoot)),
+        Hypothesis("unsteady_aero", place, ("tau_s", "lagging_share"), ("s", "1"), (0.2 * block, 0.02),
+                   (longest / 4, 0.6),
                    tuple((k * block, share) for k in (1.0, 3.0) for share in (0.15, 0.4)), partial(on, _partly)),
         Hypothesis("parameter_error", place, ("factor",), ("1",), (0.2,), (5.0,), ((0.8,), (0.9,), (1.1,), (1.25,)),
                    partial(timeless, _scaled)),
@@ -132,7 +133,7 @@ def _nonlinear(pair: Pair, i: int, unit: str, u: Array) -> list[Hypothesis]:
         ]  # fmt: skip
     if slope > 0:
         found.append(
-            Hypothesis("rate_limit", place, ("rate",), (f"{unit}/s",), (0.02 * slope,), (2 * slope,),
+            Hypothesis("rate_limit", place, ("rate_per_s",), (f"{unit}/s",), (0.02 * slope,), (2 * slope,),
                        tuple((k * slope,) for k in _RATES), partial(on, op.rate_limited))
         )  # fmt: skip
     return found

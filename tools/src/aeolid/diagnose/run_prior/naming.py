@@ -28,16 +28,16 @@ _WORDS = {
     "actuator_lag": "{name} acts through a first-order lag of {tau_s:.3g} s that the simulation leaves out",
     "transport_delay": "{name} acts {delay_s:.3g} s later than in the simulation",
     "actuator_second_order": "{name} acts through a second-order drive of {omega_rad_s:.3g} rad/s with damping"
-    " {zeta:.2g} that the simulation leaves out",
+    " {damping:.2g} that the simulation leaves out",
     "backlash": "{name} acts with {width:.3g} {unit} of play (backlash) that the simulation leaves out",
     "deadband": "{name} acts only when it has moved by {width:.3g} {unit}, which the simulation leaves out",
-    "rate_limit": "{name} moves no faster than {rate:.3g} {unit}, which the simulation leaves out",
-    "dynamic_inflow": "{name} acts {k:.2g} times more at once than in the end, over {tau_s:.3g} s: the wake takes its"
-    " time (dynamic inflow), which the simulation leaves out",
-    "unsteady_aero": "a share {k:.2g} of what {name} does comes {tau_s:.3g} s late (unsteady aerodynamics), which the"
-    " simulation leaves out",
+    "rate_limit": "{name} moves no faster than {rate_per_s:.3g} {unit}, which the simulation leaves out",
+    "dynamic_inflow": "{name} acts {overshoot:.2g} times more at once than in the end, over {tau_s:.3g} s: the wake"
+    " takes its time (dynamic inflow), which the simulation leaves out",
+    "unsteady_aero": "a share {lagging_share:.2g} of what {name} does comes {tau_s:.3g} s late (unsteady aerodynamics),"
+    " which the simulation leaves out",
     "parameter_error": "{name} acts {factor:.3g} times as much as in the simulation",
-    "air_density": "the air is {factor:.3g} times as dense as in the simulation: {name} acts by as much",
+    "air_density": "the air's density is off by {density_change:+.1%} from the simulation's: {name} acts by as much",
     "data_time_offset": "the outputs are stamped {offset_s:.3g} s late against the inputs",
     "sensor_lag": "{name} is measured through a lag of {tau_s:.3g} s that the simulation leaves out",
     "sensor_scale": "{name} reads {factor:.3g} times what the simulation says",
@@ -80,7 +80,7 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     own = _physical(h, found, explanation, context)
     share = 1.0 / len(own)
     values = {n: v for n, (v, _) in told.items()}
-    names = [Name(n, h.place, told, units, share, h.words.format(**values), h.fault) for n in own]
+    names = [Name(n, h.place, *_in_quantities(n, told, units), share, h.words.format(**values), h.fault) for n in own]
     if hidden := _hidden(h, found, explanation, context):
         return [*(replace(n, weight=0.4 * n.weight) for n in names), *hidden]
     if not found.rivals:
@@ -96,6 +96,14 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
             Name(r.entry, r.place, open_values, dict(zip(r.names, r.units, strict=True)), each, words, r.fault)
         )
     return names
+
+
+def _in_quantities(name: str, told: Told, units: Mapping[str, str]) -> tuple[Told, Mapping[str, str]]:
+    """Return values and units in the quantities of the entry that is named: a factor is a change of the density."""
+    if name != "air_density" or "factor" not in told:
+        return told, units
+    factor, std = told["factor"]
+    return {"density_change": (factor - 1, std)}, {"density_change": "1"}
 
 
 def _hidden(h: Hypothesis, found: Found, explanation: Explanation, context: Mapping[str, Any]) -> list[Name]:
@@ -225,7 +233,7 @@ def statement(name: Name, units: Mapping[str, str], blades: int = 3) -> str:
         return name.words
     channel = name.place.partition(":")[2] or name.place
     values = {k: v for k, (v, _) in name.told.items()}
-    unit = name.units.get("width") or name.units.get("rate") or units.get(channel, "")
+    unit = name.units.get("width") or name.units.get("rate_per_s") or units.get(channel, "")
     if "frequency_hz" in values:
         what = next((k.words for k in KINDS if k.entry == name.entry), "a mode")
         return (

@@ -22,7 +22,7 @@ _FOLDS = 5  # of the whole recording, for the spread of a value
 _MODEL = 0.03  # of a value: what windows of other lengths and other ridges moved lags and delays by (1 to 6 %)
 _OF_FILTER = 0.05  # of a lag's or a drive's values: 17 of three turbines were told 4 % too quick (root mean square)
 _OF_FREQUENCY = 0.005  # of a frequency
-_FILTERED = ("tau_s", "omega_rad_s", "zeta")
+_FILTERED = ("tau_s", "omega_rad_s", "damping")
 _TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig of 0.30: 0.27 to 0.33, as turns are taken)
 _INTERPOLATION = 0.15  # of a sample: what a time may be off where the signal between samples is unknown
 _STEP, _STEP_HZ, _STEP_S = 0.06, 0.015, 0.2  # between points: shares of a value, of a frequency; of a sample
@@ -47,7 +47,8 @@ def values_of(pair: Pair, ridge: Array, found: Found, others: Change) -> tuple[V
     deviations = []
     for place, name in enumerate(h.names):
         between = _between_samples(pair, h, place)
-        model = _OF_FREQUENCY if name == "frequency_hz" else _OF_FILTER if name in _FILTERED else _MODEL
+        filtered = name in _FILTERED and "frequency_hz" not in h.names  # a mode's damping is no filter's
+        model = _OF_FREQUENCY if name == "frequency_hz" else _OF_FILTER if filtered else _MODEL
         deviations.append(float(np.sqrt(spread[place] ** 2 + (model * values[place]) ** 2 + between**2)))
     return tuple(float(v) for v in values), tuple(deviations)
 

@@ -8,7 +8,15 @@ from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, DRIVES_ELSE, DRIVES_PITCH, OPENFAST, ROSCO, Setting
+from aeolid.diagnose.hypotheses.parts.settings import (
+    BLADED,
+    DRIVES_PITCH,
+    DRIVES_TORQUE,
+    OPENFAST,
+    ROSCO,
+    Setting,
+    given,
+)
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
 
@@ -60,8 +68,14 @@ ENTRY = Entry(
     turns=True,
     settings=(
         Setting(
+            OPENFAST,
+            "ServoDyn: BPCutoff = {corner_hz:.3g} Hz, a first-order low-pass of the controller library's pitch demand",
+            "ServoDyn: BPCutoff = 1/(2 pi tau) in Hz, a first-order low-pass of the controller library's pitch demand",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
             ROSCO,
-            "PA_Mode = 1, PA_CornerFreq = {inverse_tau:.3g} rad/s",
+            "PA_Mode = 1, PA_CornerFreq = {corner_rad_s:.3g} rad/s",
             "PA_Mode = 1, PA_CornerFreq = 1/tau in rad/s",
             at=DRIVES_PITCH,
         ),
@@ -73,15 +87,18 @@ ENTRY = Entry(
         ),
         Setting(
             OPENFAST,
-            (
-                "ServoDyn has no lag of the torque behind a controller library: low-pass the demand in "
-                "the library with {tau_s:.3g} s"
-            ),
-            ("ServoDyn has no lag of the torque behind a controller library: low-pass the demand in the library"),
-            at=DRIVES_ELSE,
+            "no switch: neither ServoDyn nor ROSCO has a lag of the torque; low-pass the demand in the controller"
+            " library with {tau_s:.3g} s",
+            "no switch: neither ServoDyn nor ROSCO has a lag of the torque; low-pass the demand in the controller"
+            " library",
+            at=DRIVES_TORQUE,
         ),
         Setting(
-            BLADED, "Generator: torque time constant {tau_s:.3g} s", "Generator: torque time constant", at=DRIVES_ELSE
+            BLADED,
+            "Generator: torque time constant {tau_s:.3g} s",
+            "Generator: torque time constant",
+            at=DRIVES_TORQUE,
         ),
+        *given("low-pass what the run is given with {tau_s:.3g} s", "low-pass what the run is given"),
     ),
 )

@@ -8,7 +8,15 @@ from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
+from aeolid.diagnose.hypotheses.parts.settings import (
+    BLADED,
+    DRIVES_PITCH,
+    DRIVES_TORQUE,
+    OPENFAST,
+    ROSCO,
+    Setting,
+    given,
+)
 from aeolid.diagnose.hypotheses.parts.wiring import with_filter
 from aeolid.models.equations import Equations, Parameter
 
@@ -79,14 +87,42 @@ ENTRY = Entry(
     without_ringing="actuator_lag",
     settings=(
         Setting(
+            OPENFAST,
+            "OpenFAST 5: ElastoDyn: PitchDOF = True, ServoDyn: PitSpr and PitDamp for {omega_rad_s:.3g} rad/s and a"
+            " damping of {damping:.2g} (before: in the controller library)",
+            "OpenFAST 5: ElastoDyn: PitchDOF = True, ServoDyn: PitSpr and PitDamp (before: in the controller library)",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
             ROSCO,
-            "PA_Mode = 2, PA_CornerFreq = {omega_rad_s:.3g} rad/s, PA_Damping = {zeta:.2g}",
+            "PA_Mode = 2, PA_CornerFreq = {omega_rad_s:.3g} rad/s, PA_Damping = {damping:.2g}",
             "PA_Mode = 2, PA_CornerFreq, PA_Damping",
+            at=DRIVES_PITCH,
         ),
         Setting(
             BLADED,
-            "Pitch actuator: second order, frequency {omega_rad_s:.3g} rad/s, damping {zeta:.2g}",
+            "Pitch actuator: second order, frequency {omega_rad_s:.3g} rad/s, damping {damping:.2g}",
             "Pitch actuator: second order",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            OPENFAST,
+            "no switch: neither ServoDyn nor ROSCO has a drive of the torque; filter the demand in the controller"
+            " library, second order of {omega_rad_s:.3g} rad/s and damping {damping:.2g}",
+            "no switch: neither ServoDyn nor ROSCO has a drive of the torque; filter the demand in the controller"
+            " library",
+            at=DRIVES_TORQUE,
+        ),
+        Setting(
+            BLADED,
+            "no switch: the generator's time constant is of first order; filter the demand in the external controller,"
+            " second order of {omega_rad_s:.3g} rad/s and damping {damping:.2g}",
+            "no switch: the generator's time constant is of first order; filter the demand in the external controller",
+            at=DRIVES_TORQUE,
+        ),
+        *given(
+            "filter what the run is given, second order of {omega_rad_s:.3g} rad/s and damping {damping:.2g}",
+            "filter what the run is given, second order",
         ),
     ),
 )

@@ -38,9 +38,12 @@ ENTRY = Entry(
     id="added_mass",
     family="stiffness_change",
     name="added mass",
-    equation="(1 + mass_ratio)*q'' = f(q, q', u)",
+    equation="(1 + mass_ratio)*q'' = f(q, q', u); against a run an output times factor",
     source="Blevins 1979, Flow-Induced Vibration (added mass); ISO 12494:2017 (ice)",
-    quantities=(Quantity("mass_ratio", "1", 0.0, 5.0, 0.0, "added mass over the mass in the model"),),
+    quantities=(
+        Quantity("mass_ratio", "1", 0.0, 5.0, 0.0, "added mass over the mass in the model"),
+        Quantity("factor", "1", 0.02, 50.0, 1.0, "how an output moves over how it does in a simulator's run"),
+    ),
     attaches_to="every equation of motion without a declared mass, every oscillatory mode",
     signature="frequency, damping and gain fall together: omega^2, 2*zeta*omega and the gain by the same factor",
     confused_with=(

@@ -9,6 +9,7 @@ from dataclasses import replace
 from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.forces import swing, swings
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
@@ -17,6 +18,7 @@ _RATIO = "aero_imbalance_ratio"
 # In-plane force of the blade over what its tilting moment does to the fore-aft motion, 1.5*arm/height of its thrust:
 # 0.6 on the NREL 5 MW at 18 m/s, less in lighter wind.
 _MOST = 1.0
+_WIND = "*(V/V_mean)^2"  # where a wind is recorded
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -27,7 +29,7 @@ def _attach(site: Site) -> list[Attachment]:
     as_force = side is not None and side.is_force and axial.is_force
     places = [(p, factor) for p in (axial, None if as_force else side) if p is not None]
     made = rotor.locked(
-        site, "aero_imbalance", places, 1, "F_fore_aft = F*cos(azimuth + phase), F ~ V^2",
+        site, "aero_imbalance", places, 1, f"F_fore_aft = {swing(axial.label)}{_WIND if factor else ''}",
         lambda size, unit, where: (
             f"one blade stands at another pitch angle: once a turn {size:.3g} {unit} fore and aft at {where}"
             " that the model leaves out"
@@ -80,11 +82,11 @@ ENTRY = Entry(
     id="aero_imbalance",
     family="rotor_1p",
     name="aerodynamic imbalance (pitch offset of a blade)",
-    equation="F_fore_aft = F*cos(azimuth + phase), F_side = ratio*F*sin(azimuth + phase), F ~ V^2",
+    equation=f"F_fore_aft = {swing('force_N')}{_WIND},"
+    f" F_side = side_over_fore_aft*(force_N_cos*sin(azimuth) - force_N_sin*cos(azimuth)){_WIND}",
     source="Niebsch, Ramlau 2014, Renewable Energy 70; Burton et al., Wind Energy Handbook",
     quantities=(
-        Quantity("force_N_cos", "N", -1e6, 1e6, 0.0, "force on the fore-aft motion by the tilting moment, cos part"),
-        Quantity("force_N_sin", "N", -1e6, 1e6, 0.0, "sin part"),
+        *swings("force on the fore-aft motion by the tilting moment"),
         Quantity("side_over_fore_aft", "1", -_MOST, _MOST, 0.0, "in-plane force on side-side over that on fore-aft"),
     ),
     attaches_to="tower fore-aft (and side-side, in equations) of a wind turbine with a recorded rotor angle or speed",

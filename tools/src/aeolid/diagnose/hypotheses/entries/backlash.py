@@ -9,7 +9,15 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.driven_through_play import driven_through_play
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
+from aeolid.diagnose.hypotheses.parts.settings import (
+    BLADED,
+    DRIVES,
+    DRIVES_PITCH,
+    DRIVES_TORQUE,
+    OPENFAST,
+    Setting,
+    given,
+)
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, spread_of, unit_of_input
 
 _GRID = (0.1, 0.3, 0.8, 1.6)  # of the input's spread
@@ -44,10 +52,11 @@ ENTRY = Entry(
     id="backlash",
     family="input_nonlinearity",
     name="backlash",
-    equation="u_actual = min(max(u_actual, u - width/2), u + width/2)",
+    equation="u_actual = min(max(u_actual, u - width/2), u + width/2); of a body share*(1 - share)*R between it and its"
+    " drive, R = w^2*(x - min(max(x, -width/2), width/2))",
     source="Nordin and Gutman 2002, Automatica 38(10), Controlling mechanical systems with backlash; the play operator",
     quantities=(
-        Quantity("width", "unit of the input, or of the position", 0.0, 1e9, 0.0, "full width of the play"),
+        Quantity("width", "unit of the input (m for a body)", 0.0, 1e9, 0.0, "full width of the play"),
         Quantity("share", "1", 0.02, 0.98, float("nan"), "part of the inertia behind the play, where a body has it"),
     ),
     attaches_to="every input but measured disturbances; beside turbines every body of first-principles equations that"
@@ -63,12 +72,26 @@ ENTRY = Entry(
     settings=(
         Setting(
             OPENFAST,
-            (
-                "no switch: pass the demand through {width:.3g} of play (in its unit) between "
-                "controller library and ServoDyn"
-            ),
+            "no switch: pass the demand through {width:.3g} of play (in its unit) between controller library and"
+            " ServoDyn",
             "no switch: pass the demand through the play between controller library and ServoDyn",
+            at=DRIVES,
         ),
-        Setting(BLADED, "Pitch actuator in an external library, with {width:.3g} of play", "Pitch actuator with play"),
+        Setting(
+            BLADED,
+            "Pitch actuator in an external library, with {width:.3g} of play",
+            "Pitch actuator in an external library, with play",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            BLADED,
+            "no switch: pass the torque demand through {width:.3g} of play (in its unit) in the external controller",
+            "no switch: pass the torque demand through the play in the external controller",
+            at=DRIVES_TORQUE,
+        ),
+        *given(
+            "pass what the run is given through {width:.3g} of play (in its unit)",
+            "pass what the run is given through the play",
+        ),
     ),
 )

@@ -12,7 +12,7 @@ from aeolid.diagnose.data.exogenous import identifiers
 from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, DRIVES, ROSCO, Setting
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
 
@@ -79,8 +79,10 @@ ENTRY = Entry(
     rank=580,
     settings=(
         Setting(
-            ROSCO, ("F_LPFType, F_LPFCornerFreq, F_LPFDamping and the other filters of DISCON.IN as on the turbine")
+            ROSCO,
+            "F_LPFType, F_LPFCornerFreq, F_LPFDamping and the other filters of DISCON.IN as on the turbine",
+            at=DRIVES,
         ),
-        Setting(BLADED, "External controller: the same version and parameters as on the turbine"),
+        Setting(BLADED, "External controller: the same version and parameters as on the turbine", at=DRIVES),
     ),
 )

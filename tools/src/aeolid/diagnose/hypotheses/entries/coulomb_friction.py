@@ -45,7 +45,7 @@ ENTRY = Entry(
     name="Coulomb friction",
     equation="F = -force_N*sign(v)",
     source="Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, Automatica 30(7); smoothed as tanh(v/v_s)",
-    quantities=(Quantity("force_N", "N (N m, m/s^2 without a mass)", 0.0, 1e7, 0.0, "friction force"),),
+    quantities=(Quantity("force_N", "N (m/s^2 without a mass)", 0.0, 1e7, 0.0, "friction force"),),
     attaches_to="every velocity with an equation of motion, every oscillatory mode and driven body of a linear model, "
     "every recorded velocity of a static law",
     signature="a force that flips with the sign of the velocity and does not grow with it; odd harmonics",

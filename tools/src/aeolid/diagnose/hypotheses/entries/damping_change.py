@@ -18,19 +18,35 @@ def _attach(site: Site) -> list[Attachment]:
 def _damping(motion: Motion) -> Coefficient:
     if motion.frequency_hz:  # of a mode: added to its damping ratio
         twice = 4 * math.pi * motion.frequency_hz
-        return Coefficient("damping_change", "damping_change", "1", 0.9, f"{twice!r}*{{v}}", "damping*v")
+        return Coefficient("damping_change", "damping_change", "1", 0.9, f"{twice!r}*{{v}}", "damping", "2*w*v")
     unit, most = per(motion, 1, velocity=True), 10 * natural(motion, velocity=True)
-    return Coefficient("damping_change", "damping_change", unit, most, "{v}", "damping*v")
+    return Coefficient("damping_change", "damping_change", unit, most, "{v}", "damping", "v")
 
 
 ENTRY = Entry(
     id="damping_change",
     family="damping",
     name="changed damping",
-    equation="F = -damping_change*s(t)*v, s a step at time_s or a ramp over the recording",
+    equation="F = -damping_change*s(t)*v, s a step at time_s or a ramp over the recording;"
+    " of a mode times 2*w, w = 2*pi*frequency",
     source="Basseville and Nikiforov 1993, Detection of Abrupt Changes",
     quantities=(
-        Quantity("damping_change", "N s/m (added to the damping ratio of a mode)", -1e12, 1e12, 0.0, "change"),
+        Quantity(
+            "damping_change",
+            "N s/m (1/s without a mass, 1 for a mode)",
+            -1e12,
+            1e12,
+            0.0,
+            "change; of a mode of its damping ratio",
+        ),
+        Quantity(
+            "damping_change_over_fit",
+            "N s/m (1/s without a mass, 1 for a mode)",
+            -1e12,
+            1e12,
+            0.0,
+            "change from first to last, of a ramp",
+        ),
         Quantity("time_s", "s", 0.0, 1e9, float("nan"), "when it steps"),
     ),
     attaches_to="every velocity with an equation of motion, every oscillatory mode, where one recording holds time",

@@ -9,7 +9,16 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
+from aeolid.diagnose.hypotheses.parts.settings import (
+    BLADED,
+    DRIVES,
+    DRIVES_PITCH,
+    DRIVES_TORQUE,
+    OPENFAST,
+    ROSCO,
+    Setting,
+    given,
+)
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, is_continuous, spread_of, unit_of_input
 from aeolid.diagnose.rules import in_force
 
@@ -77,14 +86,34 @@ ENTRY = Entry(
     rank=90,
     settings=(
         Setting(
+            OPENFAST,
+            "no switch: pass the demand through a dead band of {width:.3g} (in its unit) between controller library"
+            " and ServoDyn",
+            "no switch: pass the demand through a dead band between controller library and ServoDyn",
+            at=DRIVES,
+        ),
+        Setting(
             ROSCO,
-            "no switch: hold the demand until it has moved by {width:.3g}",
+            "no switch: hold the demand until it has moved by {width:.3g} (in its unit)",
             "no switch: hold the demand in a band",
+            at=DRIVES,
         ),
         Setting(
             BLADED,
             "Pitch actuator in an external library, with a dead band of {width:.3g}",
-            "Pitch actuator: dead band",
+            "Pitch actuator in an external library, with a dead band",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            BLADED,
+            "no switch: hold the torque demand in the external controller until it has moved by {width:.3g} (in its"
+            " unit)",
+            "no switch: hold the torque demand in a band in the external controller",
+            at=DRIVES_TORQUE,
+        ),
+        *given(
+            "hold what the run is given until it has moved by {width:.3g} (in its unit)",
+            "hold what the run is given in a band",
         ),
     ),
 )

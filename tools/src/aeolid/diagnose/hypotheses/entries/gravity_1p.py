@@ -5,6 +5,7 @@ from __future__ import annotations
 from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor, shafts
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.forces import swing, swings
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
@@ -14,7 +15,7 @@ def _attach(site: Site) -> list[Attachment]:
     edge = rotor.blade_outputs(site, "edge")
     if edge:
         return rotor.on_blades(
-            site, "gravity_1p", edge, (("sin", "weight"),), "M_edge = S*g*sin(azimuth of the blade)",
+            site, "gravity_1p", edge, (("sin", "weight"),), "M_edge = weight*sin(azimuth of the blade)",
             lambda size, unit: (
                 f"the weight of the blades swings their edgewise moments by {size:.3g} {unit} once a turn;"
                 " the model leaves it out"
@@ -24,7 +25,7 @@ def _attach(site: Site) -> list[Attachment]:
     if shaft is None:
         return []
     return rotor.locked(
-        site, "gravity_1p", [(shaft, "")], 1, "Q_weight = S*g*sin(azimuth + phase)",
+        site, "gravity_1p", [(shaft, "")], 1, f"Q_weight = {swing(shaft.label)}",
         lambda size, unit, where: (
             f"weight pulls on the shaft once a turn: {size:.3g} {unit} at {where}, whatever the speed;"
             " the model leaves it out"
@@ -36,11 +37,11 @@ ENTRY = Entry(
     id="gravity_1p",
     family="rotor_1p",
     name="gravity load once a turn",
-    equation="Q_weight = S*g*sin(azimuth + phase); M_edge = S*g*sin(azimuth of the blade)",
+    equation=f"Q_weight = {swing('torque_N_m')}; M_edge = weight*sin(azimuth of the blade)",
     source="Burton et al., Wind Energy Handbook, chapter 5; Manwell, McGowan, Rogers, Wind Energy Explained, chapter 4",
     quantities=(
-        Quantity("torque_N_m_cos", "N m", -1e7, 1e7, 0.0, "torque of the weight on the shaft, cos part"),
-        Quantity("torque_N_m_sin", "N m", -1e7, 1e7, 0.0, "sin part"),
+        *swings("torque of the weight on the shaft", "torque_N_m"),
+        Quantity("weight", "unit of the output", -1e12, 1e12, 0.0, "swing of a blade's moment, the blade level"),
     ),
     attaches_to="edgewise blade outputs, else the rotor's speed, of a wind turbine with a recorded rotor angle or speed"
     " (that in a single recording); shafts of other machines of which the same holds",

@@ -8,7 +8,15 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
+from aeolid.diagnose.hypotheses.parts.settings import (
+    BLADED,
+    DRIVES_PITCH,
+    DRIVES_TORQUE,
+    OPENFAST,
+    ROSCO,
+    Setting,
+    given,
+)
 from aeolid.diagnose.hypotheses.parts.wiring import Array, blended_filter, is_continuous, unit_of_input
 
 _GRID = (0.97, 0.85)  # quantiles of the input where a limit is tried; 1 − q below
@@ -84,7 +92,19 @@ ENTRY = Entry(
     attach=_attach,
     rank=80,
     settings=(
-        Setting(ROSCO, "PC_MaxPit, PC_MinPit, VS_MaxTq"),
-        Setting(BLADED, "Pitch actuator: angle limits; generator: torque limits"),
+        Setting(
+            OPENFAST,
+            "no switch: ServoDyn only tells Ptch_Min and Ptch_Max to a controller library; limit the demand there",
+            at=DRIVES_PITCH,
+        ),
+        Setting(ROSCO, "PC_MinPit, PC_MaxPit", at=DRIVES_PITCH),
+        Setting(BLADED, "Pitch actuator: angle limits", at=DRIVES_PITCH),
+        Setting(OPENFAST, "no switch: limit the demand in the controller library", at=DRIVES_TORQUE),
+        Setting(ROSCO, "VS_MinTq, VS_MaxTq", at=DRIVES_TORQUE),
+        Setting(BLADED, "Generator: minimum and maximum torque demand", at=DRIVES_TORQUE),
+        *given(
+            "cut what the run is given to {low:.3g} to {high:.3g} (in its unit)",
+            "cut what the run is given to its range",
+        ),
     ),
 )

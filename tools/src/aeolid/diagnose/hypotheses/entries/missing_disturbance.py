@@ -22,7 +22,11 @@ ENTRY = Entry(
     name="recorded disturbance that the model ignores",
     equation="dx/dt = f(x, u) + gain*(d_unused - mean)",
     source="Ljung 1999, System Identification: Theory for the User, chapter 16 (residuals against other inputs)",
-    quantities=(Quantity("gain", "force over the channel's unit", -1e12, 1e12, 0.0, "into each motion or pole"),),
+    quantities=(
+        Quantity(
+            "gain", "unit of the place/unit of the channel", -1e12, 1e12, 0.0, "force on a motion, rate of a pole"
+        ),
+    ),
     attaches_to="every channel of role disturbance that the model has no use for (at most 3), into at most 4 motions,"
     " other states or real poles; a wave elevation of a turbine belongs to wave_load",
     signature="innovations follow a recorded disturbance that no equation holds",

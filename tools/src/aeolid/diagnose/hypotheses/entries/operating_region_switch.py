@@ -49,11 +49,11 @@ ENTRY = Entry(
     id="operating_region_switch",
     family="aero_scheduling",
     name="switch between operating regions",
-    equation="gain = gain_0 below the threshold, gain_0*(1 + gain_change) above",
+    equation="gain = gain_0*(1 + gain_change*above), above 1 where the channel is beyond threshold, else 0",
     source="Jonkman et al. 2009 (NREL 5 MW control regions); Bianchi, De Battista, Mantz 2007",
     quantities=(
         Quantity("gain_change", "1", -3.0, 3.0, 0.0, "relative change of the gain above the threshold"),
-        Quantity("threshold", "of the channel", -1e9, 1e9, float("nan"), "where it switches"),
+        Quantity("threshold", "unit of the channel", -1e9, 1e9, float("nan"), "where it switches"),
     ),
     attaches_to="the pitch input of a wind turbine, on every recorded scheduling channel, else on the pitch itself;"
     " commanded inputs of other machines on every recorded scheduling channel",

@@ -88,9 +88,17 @@ ENTRY = Entry(
     id="parameter_error",
     family="parameter",
     name="wrong value of a declared parameter",
-    equation="theta = theta_declared + change",
+    equation="theta in place of theta_declared; of a linear model gain = gain_declared*(1 + gain_change), frequency ="
+    " frequency_declared*(1 + frequency_change), damping = damping_declared + damping_change; against a run"
+    " u_actual = factor*u",
     source="Ljung 1999, System Identification: Theory for the User, chapter 16",
-    quantities=(Quantity("change", "the parameter's own", -1e12, 1e12, 0.0, "difference to the declared value"),),
+    quantities=(
+        Quantity("theta", "the parameter's own", -1e12, 1e12, float("nan"), "its value, by the parameter's own name"),
+        Quantity("gain_change", "1", -3.0, 10.0, 0.0, "relative change of an input's gain"),
+        Quantity("frequency_change", "1", -0.9, 0.9, 0.0, "relative change of a mode's frequency"),
+        Quantity("damping_change", "1", -0.9, 0.9, 0.0, "what is added to a mode's damping ratio"),
+        Quantity("factor", "1", 0.2, 5.0, 1.0, "what an input does over what it does in a simulator's run"),
+    ),
     attaches_to="every parameter that is not free; gains, frequencies and dampings of a state-space model",
     signature="the misfit vanishes when one declared number moves",
     confused_with=(("every structural effect", "the likelihood gain left after the parameter was moved"),),

@@ -9,7 +9,15 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
+from aeolid.diagnose.hypotheses.parts.settings import (
+    BLADED,
+    DRIVES_PITCH,
+    DRIVES_TORQUE,
+    OPENFAST,
+    ROSCO,
+    Setting,
+    given,
+)
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, commanded, spread_of, unit_of_input
 from aeolid.diagnose.rules import in_force
 
@@ -77,7 +85,47 @@ ENTRY = Entry(
     attach=_attach,
     rank=70,
     settings=(
-        Setting(ROSCO, "PC_MaxRat, PC_MinRat: ± {rate:.3g} in the demand's unit a second", "PC_MaxRat, PC_MinRat"),
-        Setting(BLADED, "Pitch actuator: rate limits ± {rate:.3g}", "Pitch actuator: rate limits"),
+        Setting(
+            OPENFAST,
+            "no switch: ServoDyn only tells PtchRate_Min and PtchRate_Max to a controller library; limit the demand's"
+            " rate there to {rate_per_s:.3g} of its unit a second",
+            "no switch: ServoDyn only tells PtchRate_Min and PtchRate_Max to a controller library; limit the demand's"
+            " rate there",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            ROSCO,
+            "PC_MaxRat and PC_MinRat (rad/s) = ± {rate_per_s:.3g} of the demand's unit a second",
+            "PC_MaxRat, PC_MinRat",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            BLADED,
+            "Pitch actuator: rate limits ± {rate_per_s:.3g} of the demand's unit a second",
+            "Pitch actuator: rate limits",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            OPENFAST,
+            "no switch: limit the demand's rate in the controller library to {rate_per_s:.3g} of its unit a second",
+            "no switch: limit the demand's rate in the controller library",
+            at=DRIVES_TORQUE,
+        ),
+        Setting(
+            ROSCO,
+            "VS_MaxRat (N m/s) = {rate_per_s:.3g} of the demand's unit a second",
+            "VS_MaxRat",
+            at=DRIVES_TORQUE,
+        ),
+        Setting(
+            BLADED,
+            "no switch: limit the demand's rate in the external controller to {rate_per_s:.3g} of its unit a second",
+            "no switch: limit the demand's rate in the external controller",
+            at=DRIVES_TORQUE,
+        ),
+        *given(
+            "limit the rate of what the run is given to {rate_per_s:.3g} of its unit a second",
+            "limit the rate of what the run is given",
+        ),
     ),
 )

@@ -12,6 +12,8 @@ from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.wind import wind
 from aeolid.diagnose.rules import in_force
 
+_EQUATION = f"{band.EQUATION}, w = blades*Omega"
+
 
 def _attach(site: Site) -> list[Attachment]:
     """Offer it as wind where the model has one: torque and thrust feel it together.
@@ -29,7 +31,7 @@ def _attach(site: Site) -> list[Attachment]:
     where = {"azimuth_order": order, "frequency_hz": order * abs(rate) / (2 * math.pi)}
     found = band.narrow_band(
         site, "rotational_sampling", first, omega, (),
-        "F = a(t)*cos(blades*azimuth) + b(t)*sin(blades*azimuth), a and b wander",
+        _EQUATION,
         lambda v: (
             f"the blades sample the turbulence: a band at {order} times the rotor's speed,"
             f" {where['frequency_hz']:.3g} Hz, with a phase that wanders, at {first.location}; the model leaves it out"
@@ -42,7 +44,7 @@ ENTRY = Entry(
     id="rotational_sampling",
     family="rotor_3p",
     name="rotational sampling of turbulence",
-    equation="F = a(t)*cos(blades*azimuth) + b(t)*sin(blades*azimuth), a and b wander",
+    equation=_EQUATION,
     source="Kristensen and Frandsen 1982, J. Wind Eng. Ind. Aerodyn. 10; Burton et al., Wind Energy Handbook",
     quantities=(Quantity("relative_width", "1", 0.0, band.WIDEST, 0.0, "half width of the band over its frequency"),),
     attaches_to="the model's wind, else fore-aft or rotor speed, of a wind turbine with a recorded rotor angle or"

@@ -98,7 +98,7 @@ ENTRY = Entry(
         Setting(
             ROSCO,
             (
-                "for a speed: F_LPFCornerFreq = {inverse_tau:.3g} rad/s with F_LPFType = 1; else filter"
+                "for a speed: F_LPFCornerFreq = {corner_rad_s:.3g} rad/s with F_LPFType = 1; else filter"
                 " the simulation's output by {tau_s:.3g} s"
             ),
             "for a speed: F_LPFCornerFreq with F_LPFType = 1; else filter the simulation's output",

@@ -60,7 +60,7 @@ ENTRY = Entry(
     source="Canudas de Wit, Olsson, Åström, Lischinsky 1995 (LuGre), steady sliding, sign smoothed as tanh(v/v_s)",
     quantities=(
         Quantity("force_N", "N (m/s^2 without a mass)", 0.0, 1e7, 0.0, "friction in motion"),
-        Quantity("breakaway_excess", "N", 0.0, 1e7, 0.0, "how much more at rest"),
+        Quantity("breakaway_excess", "N (m/s^2 without a mass)", 0.0, 1e7, 0.0, "how much more at rest"),
         Quantity("stribeck_speed", "m/s", 0.0, 1e3, float("nan"), "speed over which the excess dies away"),
     ),
     attaches_to="every velocity with an equation of motion, every oscillatory mode and driven body of a linear model, "

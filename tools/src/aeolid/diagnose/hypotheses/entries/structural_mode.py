@@ -26,7 +26,8 @@ ENTRY = Entry(
     id="structural_mode",
     family="structural_mode",
     name="structural mode",
-    equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u, w = 2*pi*frequency_hz",
+    equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u, w = 2*pi*frequency_hz; of a body that carries it, q beside it,"
+    " x'' = a - 2*damping*w*x' - w^2*x, (1 - share)*q'' = a - share*(w^2*x + 2*damping*w*x')",
     source="Craig and Kurdila 2006, Fundamentals of Structural Dynamics",
     quantities=(
         Quantity("frequency_hz", "Hz", 0.01, 50.0, float("nan"), "natural frequency"),

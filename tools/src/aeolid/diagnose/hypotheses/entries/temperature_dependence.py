@@ -1,4 +1,7 @@
-"""A stiffness or a gain that follows a recorded temperature."""
+"""A stiffness or a gain that follows a recorded temperature.
+
+The slope of a stiffness is absolute where the model has forces, relative to its own where it has only modes.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,7 @@ def _stiffness(motion: Motion, number: int, k: int, channel: Exogenous, seen: tu
         motion, number, "temperature_dependence",
         (Slot(name, "stiffness_slope", unit, 0.0, -10 * size, 10 * size, 1e-4 * size),),
         f"-{name}*({channel.symbol} - {mean!r})*{scale!r}*{{q}}", kind=f"_{k + 1}",
-        equation=f"F = -stiffness_slope*({channel.name} - {mean:.4g})*{'stiffness*' if mode else ''}q"
+        equation=f"F = -stiffness_slope*({channel.name} - {mean:.4g})*{'w^2*' if mode else ''}q"
         f" at {motion.location}",
         statement=say(
             "the stiffness at {at} follows {channel}: {stiffness_slope:.3g} {unit} (the model has it constant)",
@@ -77,10 +80,18 @@ ENTRY = Entry(
     id="temperature_dependence",
     family="stiffness_change",
     name="temperature dependence",
-    equation="k = k0*(1 + slope*(T - T0)), or a gain likewise",
+    equation="F = -stiffness_slope*(T - T0)*q, of a mode times w^2, w = 2*pi*frequency; or an input's gain times"
+    " 1 + gain_slope*(T - T0)",
     source="Sohn 2007, Effects of environmental variability on structural health monitoring, Phil. Trans. A 365",
     quantities=(
-        Quantity("stiffness_slope", "N/m/K (1/K for a mode)", -1e9, 1e9, 0.0, "stiffness a kelvin"),
+        Quantity(
+            "stiffness_slope",
+            "N/m/K (1/(s^2 K) without a mass, 1/K for a mode)",
+            -1e9,
+            1e9,
+            0.0,
+            "stiffness a kelvin; of a mode relative",
+        ),
         Quantity("gain_slope", "1/K", -1.0, 1.0, 0.0, "relative gain a kelvin"),
     ),
     attaches_to="every spring, every mode and every input gain, where a temperature is recorded that the model ignores",

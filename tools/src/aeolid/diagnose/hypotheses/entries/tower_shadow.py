@@ -7,6 +7,7 @@ from dataclasses import replace
 from aeolid.diagnose.data.machine import is_turbine
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.forces import swing, swings
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models.equations import Equations
 
@@ -14,7 +15,10 @@ _SHARPNESS = "tower_shadow_sharpness"
 _SHARPEST = 0.95  # a blade 42 m out that passes 0.7 m before the middle of the tower
 _HIGHER = (2, 3)  # harmonics of the blades' passing by which the bank hears a narrow dip
 _FLOOR = 1e-5  # of the typical force: where there is no swing the dip has no place either
-_EQUATION = "F = F*((1 + q^2)*cos(x) + 2*q)/(1 + 2*q*cos(x) + q^2)^2, x = blades*azimuth + phase, q = sharpness"
+_EQUATION = (
+    "F = A*((1 + q^2)*cos(x) + 2*q)/(1 + 2*q*cos(x) + q^2)^2, q = sharpness,"
+    f" A*cos(x) = {swing('force_N', 'blades*azimuth')}"
+)
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -84,8 +88,7 @@ ENTRY = Entry(
     equation=_EQUATION,
     source="Dolan and Lehn 2006, IEEE Trans. Energy Conversion 21(3): potential flow around the tower",
     quantities=(
-        Quantity("force_N_cos", "N", -1e6, 1e6, 0.0, "first harmonic of the dip in thrust, cos part"),
-        Quantity("force_N_sin", "N", -1e6, 1e6, 0.0, "sin part"),
+        *swings("first harmonic of the dip in thrust, and in torque"),
         Quantity("sharpness", "1", 0.0, _SHARPEST, 0.0, "0 a smooth swing, towards 1 a dip: e^(-blades*distance/arm)"),
     ),
     attaches_to="tower fore-aft and rotor speed of a wind turbine with a recorded rotor angle or speed",

@@ -8,7 +8,7 @@ from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
-from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, DRIVES, OPENFAST, Setting, given
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
 _STARTS = (0.5, 1.5, 2.5, 3.5, 5.5, 8.5, 13.5, 20, 28, 38, 50, 65, 85)  # samples: a delay has an optimum in every one
@@ -60,12 +60,17 @@ ENTRY = Entry(
     settings=(
         Setting(
             OPENFAST,
-            (
-                "ServoDyn: DLL_DT = {delay_s:.3g} s delays by up to one such step (DLL_Ramp by one "
-                "more); else delay the demand in the controller library by {delay_s:.3g} s"
-            ),
+            "ServoDyn: DLL_DT = {delay_s:.3g} s delays by up to one such step (DLL_Ramp by one more); else delay the"
+            " demand in the controller library by {delay_s:.3g} s",
             "ServoDyn: DLL_DT and DLL_Ramp; else delay the demand in the controller library",
+            at=DRIVES,
         ),
-        Setting(BLADED, "External controller: time delay {delay_s:.3g} s", "External controller: time delay"),
+        Setting(
+            BLADED,
+            "no switch: delay the demand in the external controller by {delay_s:.3g} s",
+            "no switch: delay the demand in the external controller",
+            at=DRIVES,
+        ),
+        *given("delay what the run is given by {delay_s:.3g} s", "delay what the run is given"),
     ),
 )

@@ -17,6 +17,7 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 
 LOW_HZ, HIGH_HZ = 0.0625, 0.25  # peak periods of 4 to 16 s
+_BAND = f"{band.EQUATION}, w = 2*pi*peak_frequency_hz"
 _RATE_S = 0.3  # time constant of the slope of the recorded elevation: short against every wave
 
 
@@ -73,7 +74,7 @@ def _unseen(site: Site, tower: rotor.Place) -> Attachment:
     peak = Slot(name, "peak_frequency_hz", "Hz", LOW_HZ, LOW_HZ, HIGH_HZ, 0.02, local=False)
     return band.narrow_band(
         site, "wave_load", tower, f"2*pi*{name}", (peak,),
-        "F'' + 2*relative_width*w*F' + w^2*F = noise, w = 2*pi*peak_frequency_hz",
+        _BAND,
         lambda v: f"waves of {1 / v['peak_frequency_hz']:.3g} s push the tower; the model leaves their force out",
         tuple({name: f} for f in grid),
     )  # fmt: skip
@@ -83,9 +84,11 @@ ENTRY = Entry(
     id="wave_load",
     family="wave",
     name="wave load",
-    equation="F = wave_by_height*eta + wave_by_slope*d(eta)/dt; without eta a band of force at the waves' peak period",
+    equation=f"F = wave_by_height*eta + wave_by_slope*d(eta)/dt; without eta {_BAND}",
     source="Morison, Johnson, Schaaf, O'Brien 1950; Hasselmann et al. 1973 (JONSWAP); DNV-RP-C205",
     quantities=(
+        Quantity("wave_by_height", "N/m (unit of the output/m without a motion)", -1e12, 1e12, 0.0, "inertia, drag"),
+        Quantity("wave_by_slope", "N s/m (unit of the output s/m without a motion)", -1e12, 1e12, 0.0, "likewise"),
         Quantity("peak_frequency_hz", "Hz", LOW_HZ, HIGH_HZ, float("nan"), "peak of the sea's spectrum"),
         Quantity("relative_width", "1", 0.0, band.WIDEST, 0.0, "half width of the band over its frequency"),
     ),

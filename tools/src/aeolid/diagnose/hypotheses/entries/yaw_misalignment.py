@@ -7,12 +7,14 @@ from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, ROSCO, Setting
 
+_EQUATION = "M_flap = vertical*cos(azimuth of the blade) + lateral*sin(azimuth of the blade)"
+
 
 def _attach(site: Site) -> list[Attachment]:
     flap = rotor.blade_outputs(site, "flap") if is_turbine(site.context) else []
     return rotor.on_blades(
         site, "yaw_misalignment", flap, (("sin", "lateral"), ("cos", "vertical")),
-        "M_flap = M_cos*cos(azimuth of the blade) + M_sin*sin(azimuth of the blade)",
+        _EQUATION,
         lambda size, unit: (
             f"the rotor does not face the wind: the blades' flapwise moments swing by {size:.3g} {unit} once a turn,"
             " with a part that differs between the two sides; the model leaves it out"
@@ -24,11 +26,11 @@ ENTRY = Entry(
     id="yaw_misalignment",
     family="rotor_1p",
     name="yaw misalignment",
-    equation="M_flap = M_cos*cos(azimuth of the blade) + M_sin*sin(azimuth of the blade)",
+    equation=_EQUATION,
     source="Bertelè, Bottasso, Cacciola et al. 2017, Wind Energy Science 2; Burton et al., Wind Energy Handbook",
     quantities=(
-        Quantity("lateral", "of the output", -1e12, 1e12, 0.0, "sine part: the skewed wake"),
-        Quantity("vertical", "of the output", -1e12, 1e12, 0.0, "cosine part: the advancing blade"),
+        Quantity("lateral", "unit of the output", -1e12, 1e12, 0.0, "sine part: the skewed wake"),
+        Quantity("vertical", "unit of the output", -1e12, 1e12, 0.0, "cosine part: the advancing blade"),
     ),
     attaches_to="flapwise blade outputs of a wind turbine whose rotor angle is recorded (azimuth 0: blade 1 up)",
     signature="once a turn in every blade, with a part that differs left and right of the rotor",

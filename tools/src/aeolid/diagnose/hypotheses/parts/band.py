@@ -14,6 +14,7 @@ from aeolid.models.equations import Equations, Parameter, State
 
 WIDEST = 0.12  # relative half width (damping ratio) of what is still a band and not just coloured noise
 _WIDTH = 0.03
+EQUATION = "F = p, p' = w*q - relative_width*w*p + noise, q' = -w*p - relative_width*w*q + noise"
 
 
 def narrow_band(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.data.exogenous import Exogenous
-from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Quantity, Site, Slot, location
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.diagnose.structure.sums import straight_in
 from aeolid.models import expressions as ex
@@ -102,6 +102,20 @@ def time_channel(site: Site) -> tuple[Exogenous, float, float] | None:
             values = site.extra[:, k]
             return (channel, float(values[0]), float(values[-1])) if np.all(np.diff(values) > 0) else None
     return None
+
+
+def swing(label: str, angle: str = "azimuth") -> str:
+    """Return what a force locked to the rotor is, as reports have it: a cosine and a sine of an angle."""
+    return f"({label}_cos*cos({angle}) + {label}_sin*sin({angle}))"
+
+
+def swings(meaning: str, label: str = "force_N") -> tuple[Quantity, Quantity]:
+    """Return the two quantities of a force (or a torque) locked to the rotor; straight on an output, in its unit."""
+    unit = f"{'N' if label == 'force_N' else 'N m'} (unit of the output without a motion)"
+    return (
+        Quantity(f"{label}_cos", unit, -1e7, 1e7, 0.0, f"{meaning}, cos part"),
+        Quantity(f"{label}_sin", unit, -1e7, 1e7, 0.0, f"{meaning}, sin part"),
+    )
 
 
 def say(text: str, **names: str) -> Callable[[Mapping[str, float]], str]:

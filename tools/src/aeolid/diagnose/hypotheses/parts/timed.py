@@ -15,7 +15,10 @@ _NEAREST = 0.08  # of the span, from either end: what changes there is how a rec
 
 @dataclass(frozen=True)
 class Coefficient:
-    """Say what changes: entry, name of the reported change, its unit, largest value, what it multiplies, in words."""
+    """Say what changes: entry, name of the reported change, its unit, largest value, what it multiplies, in words.
+
+    term: in the model's language; words: of the coefficient; factor: the term as reports have it.
+    """
 
     entry: str
     label: str
@@ -23,6 +26,7 @@ class Coefficient:
     most: float
     term: str
     words: str
+    factor: str
 
 
 def changes(site: Site, motion: Motion, number: int, what: Coefficient) -> list[Attachment]:
@@ -42,21 +46,21 @@ def changes(site: Site, motion: Motion, number: int, what: Coefficient) -> list[
         motion, number, what.entry, (size, when),
         f"-{step}*0.5*(1 + tanh(({channel.symbol} - {at})/{half!r}))*{what.term}",
         grid=tuple({at: first + share * span} for share in _TIMES),
-        equation=f"F = -{what.label}*{what.words} from time_s on, at {motion.location}",
+        equation=f"F = -{what.label}*{what.factor} from time_s on, at {motion.location}",
         statement=say(
             f"the {{what}} at {{at}} changes by {{{what.label}:.3g}} {{unit}} at {{time_s:.4g}} s; the model has it"
             " constant",
-            what=what.words.split("*")[0], at=motion.location, unit=what.unit,
+            what=what.words, at=motion.location, unit=what.unit,
         ),
     )  # fmt: skip
     drifting = force_on(
         motion, number, what.entry,
         (replace(size, name=drift, label=f"{what.label}_over_fit"),),
         f"-{drift}*(({channel.symbol} - {first!r})/{span!r})*{what.term}", kind="_drift",
-        equation=f"F = -{what.label}_over_fit*((t - {first:.6g} s)/{span:.6g} s)*{what.words}, at {motion.location}",
+        equation=f"F = -{what.label}_over_fit*((t - {first:.6g} s)/{span:.6g} s)*{what.factor}, at {motion.location}",
         statement=say(
             f"the {{what}} at {{at}} drifts: by {{{what.label}_over_fit:.3g}} {{unit}} in {span:.4g} s; the model has"
-            " it constant", what=what.words.split("*")[0], at=motion.location, unit=what.unit,
+            " it constant", what=what.words, at=motion.location, unit=what.unit,
         ),
     )  # fmt: skip
     return [stepped, drifting]
