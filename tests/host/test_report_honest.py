@@ -16,8 +16,10 @@ from aeolid.api import pictures
 from aeolid.diagnose.candidates.plausible import objection
 from aeolid.diagnose.hypotheses.parts.base import Slot
 from aeolid.diagnose.run_prior.conclude import _stands
+from aeolid.diagnose.run_prior.pair import NOTHING, Pair, Side
 from aeolid.report import bode
 from aeolid.report.answer import _proof
+from aeolid.report.evidence import _time_figure
 
 GRID = np.geomspace(0.01, 5.0, 60)
 RESONANCE = {
@@ -81,3 +83,20 @@ def test_the_end_of_a_range_is_told_as_the_value_is(monkeypatch: pytest.MonkeyPa
         monkeypatch.setattr(name + where, lambda *_, value=value: value)
     said = objection([attachment], None, None, 10.0, 1)  # type: ignore[arg-type]
     assert said.endswith("ran to the end of its physical range (infinite)")
+
+
+def test_means_over_blocks_are_called_so_and_stand_at_their_middle() -> None:
+    """Against a run outputs are means over blocks; at the first sample's time they were half a block early."""
+    step, stride = 0.05, 4
+    y = np.arange(400.0)[:, None]
+    side = Side(np.zeros((400, 1)), y, None, np.zeros(400, dtype=bool), step, "r", start_s=10.0)
+    pair: Any = SimpleNamespace(
+        blocks=lambda s, u, y: np.hstack([np.zeros((100, 4)), y.reshape(100, stride, 1).mean(axis=1)]),
+        scaled=lambda s, z: z, past=2, held=4, stride=stride, block_s=step * stride, scale=np.ones(5),
+        offset={side.region: np.zeros(5)},
+    )  # fmt: skip
+    time_s, measured, _ = Pair.predicted(pair, side, NOTHING, np.zeros((2 * 5 + 4 + 1, 1)), 0.5)
+    np.testing.assert_allclose(measured[:, 0], (time_s - 10.0) / step)  # y is its own sample number
+    series = {"time_s": time_s.tolist(), "measured": measured[:, 0].tolist(), "before": measured[:, 0].tolist()}
+    assert "Grey: measured, in means over 0.200 s;" in _time_figure("y", series | {"mean_of_s": 0.2}, "after", 0.2, 9)
+    assert "means" not in _time_figure("y", series, "after", None, 9)

@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from aeolid.errors import UsageError
+from aeolid.text_files import shown
 
+_LARGEST = 1 << 1023  # of the whole numbers that double precision holds
 _WORDS = {"int": "a whole number", "float": "a number", "str": "a text", "bool": "True or False"}
 
 
@@ -58,13 +60,20 @@ def _as_one_of(name: str, value: Any, kinds: tuple[str, ...]) -> Any:
         return value
     if type(value).__name__ in ("bool", "bool_") and "bool" in kinds:
         return bool(value)
-    if isinstance(value, numbers.Real) and type(value).__name__ not in ("bool", "bool_"):
-        if "int" in kinds and float(value).is_integer():
+    truth = type(value).__name__ in ("bool", "bool_")
+    if isinstance(value, numbers.Integral) and not truth:
+        if "int" in kinds:
             return int(value)
+        if "float" in kinds and abs(int(value)) < _LARGEST:
+            return float(int(value))
+    if isinstance(value, numbers.Real) and not isinstance(value, numbers.Integral) and not truth:
+        number = float(value)
+        if "int" in kinds and number.is_integer():
+            return int(number)
         if "float" in kinds:
-            return float(value)
+            return number
     needed = [_WORDS[k] for k in kinds if k in _WORDS] + ([] if sequence is None else [f"a list of {_of(sequence)}"])
-    raise UsageError(f"{name} = {value!r}: {' or '.join(needed)} is needed")
+    raise UsageError(f"{name} = {shown(value)}: {' or '.join(needed)} is needed")
 
 
 def _of(sequence: str) -> str:

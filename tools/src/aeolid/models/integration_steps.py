@@ -71,7 +71,7 @@ def most_steps(samples: int) -> int:
     return max(MOST_AT_START, min(MOST, _WORK // max(samples, 1)))
 
 
-def _rows(X: Array, n: int) -> Array:
+def _rows(X: Array, n: int) -> NDArray[np.int64]:
     """Return the rows to look at."""
     known = np.flatnonzero(np.all(np.isfinite(X), axis=1))
     if not len(known):

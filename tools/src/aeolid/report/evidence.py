@@ -75,13 +75,21 @@ def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None, mo
         bottom.set_xlabel("time (s)")
         bottom.axhline(0, color=charts.GREY, linewidth=0.8)
         top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    whole = f" of {number(float(time[-1] - time[0]))} s" if len(time) > _ZOOM_SAMPLES else ""
+    means = f", in means over {number(data['mean_of_s'])} s" if data.get("mean_of_s") else ""
     caption = (
-        f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model before"
+        f"{name}: {_shown_part(time, window)}. Grey: measured{means}; dashed: the model before"
         f" correction; blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}"
     )
     view = (start, min(start + _ZOOM_SAMPLES, len(time)))
     return zoomed(drawing.svg, caption, time, _panels(name, lines, data.get("unit")), view, most)
+
+
+def _shown_part(time: Any, window: slice) -> str:
+    """Say which part of the sealed data a figure begins with."""
+    whole, part = (number(float(t[-1] - t[0])) for t in (time, time[window]))
+    if len(time) <= _ZOOM_SAMPLES:
+        return f"all {whole} s"
+    return f"the {part} s, of {whole} s, in which the two models differ most"
 
 
 def _panels(name: str, lines: dict[str, Any], unit: str | None) -> list[Panel]:

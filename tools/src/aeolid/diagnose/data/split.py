@@ -35,8 +35,10 @@ class Split:
 
     def stepped(self, least: int) -> Split:
         """Return the same parts with that many integration steps a row of inputs at least."""
-        parts = (tuple(replace(s, least_steps=least) for s in part) for part in (self.fit, self.select, self.sealed))
-        return Split(*parts, self.rows)
+        fit, select, sealed = (
+            tuple(replace(s, least_steps=least) for s in part) for part in (self.fit, self.select, self.sealed)
+        )
+        return replace(self, fit=fit, select=select, sealed=sealed)
 
     @property
     def sealed_text(self) -> str:

@@ -198,6 +198,7 @@ class Pair:
     def predicted(self, side: Side, change: Change, theta: Array, first: float) -> tuple[Array, Array, Array]:
         """Return times (n,), outputs (n, l) and one-step predictions (n, l) of a recording from a part on, in units.
 
+        Outputs are means over blocks of `stride` samples, and each stands at the middle of its samples.
         theta (q, l): coefficients of the recording's region.
         """
         z = self.scaled(side, self.blocks(side, _changed(side.u, change.inputs, side.step), side.y))
@@ -208,7 +209,7 @@ class Pair:
         if change.extra is not None:
             rows.append(_before(_in_blocks(change.extra(side), self.stride)[:, -1])[k])
         scale, offset = self.scale[held:], self.offset[side.region][held:]
-        time_s = np.asarray(side.start_s + k * self.block_s, dtype=np.float64)
+        time_s = np.asarray(side.start_s + k * self.block_s + 0.5 * (self.stride - 1) * side.step, dtype=np.float64)
         return time_s, z[k][:, held:] * scale + offset, np.hstack(rows) @ theta * scale + offset
 
     def _moments(self, side: Side, change: Change, first: float, last: float) -> Gram:

@@ -106,4 +106,6 @@ def _series(pair: Pair, bare: _Foretold, full: _Foretold, change: Change) -> dic
     for j, name in enumerate(pair.shown):
         columns = {"measured": measured, "before": before, "after": after}
         found[name] = {"time_s": time_s.tolist()} | {k: v[:, j].tolist() for k, v in columns.items()}
+        if pair.stride > 1:
+            found[name]["mean_of_s"] = pair.block_s
     return found
