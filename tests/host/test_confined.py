@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import platform
+import re
 import signal
 import socket
 import subprocess
@@ -16,11 +18,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aeolid.confined import Failure, Limits, call, start
+from aeolid.confined import Failure, Limits, barrier, call, start
 from aeolid.confined.channel import pack, unpack
 from aeolid.errors import DataError
 from aeolid.inputs import open_regular, read_bounded, regular_size
 
+DENIED = (errno.EPERM, errno.ENOSYS)
 SMALL = Limits(memory=256 << 20, cpu_s=2, patience_s=3000.0, result=4 << 20)
 
 
@@ -63,8 +66,50 @@ def test_it_writes_nothing_starts_nothing_and_inherits_nothing(tmp_path: Path) -
     assert (tmp_path / "mark").exists()
 
 
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "aarch64"), reason="no barrier for this processor")
+def test_no_family_of_calls_reaches_other_processes_or_the_attributes_of_files(tmp_path: Path) -> None:
+    """Whoever runs it: an administrator could do all of these. What it does to itself goes on working."""
+    (tmp_path / "a").write_text("x")
+    os.utime(tmp_path / "a", (1e9, 1e9))
+    before = os.stat(tmp_path / "a")
+    with subprocess.Popen(["sleep", "3600"]) as other:
+        try:
+            asked = {"path": str(tmp_path / "a"), "process": other.pid}
+            facts, _ = call("aeolid.confined.probe:reach_beyond", asked, SMALL)
+            assert other.poll() is None
+        finally:
+            other.kill()
+    done = {(f, n): e for f, calls in facts["met"].items() for n, e in calls.items() if e not in DENIED}
+    assert len(facts["met"]) == 8 and done == {}
+    after = os.stat(tmp_path / "a")
+    for name in ("st_mode", "st_uid", "st_gid", "st_atime", "st_mtime"):
+        assert getattr(after, name) == getattr(before, name), name
+    assert facts["own"]["kill"] == facts["own"]["limits"] == 0 and facts["own"]["affinity"] != errno.EPERM
+    assert facts["asked"] is False
+
+
+HEADERS = {"x86_64": "x86_64-linux-gnu/asm/unistd_64.h", "aarch64": "asm-generic/unistd.h"}
+
+
+@pytest.mark.parametrize("machine", HEADERS)
+def test_the_numbers_of_calls_are_those_of_the_kernel(machine: str) -> None:
+    header = Path("/usr/include") / HEADERS[machine]
+    if not header.exists():
+        pytest.skip(f"{header}: not installed")
+    known = dict(re.findall(r"#define __NR(?:3264)?_(\w+) (\d+)", header.read_text()))
+    column, _ = barrier._ARCHES[machine]
+    listed = barrier._ALWAYS | barrier._SOCKETS | barrier._CHANGES
+    assert not [n for n, at in listed.items() if n in known and at[column] != int(known[n])]
+    assert all(max(at) < barrier._NEWER for at in listed.values())
+    named = {"kill": 0, "tkill": 1, "tgkill": 2}
+    assert all(barrier._TO_ITSELF[i][column] == int(known[n]) for n, i in named.items())
+    limits = {"prlimit64": barrier._PRLIMIT, "fcntl": barrier._FCNTL, "ioctl": barrier._IOCTL}
+    assert all(at[column] == int(known[n]) for n, at in limits.items())
+
+
 ENDINGS = {
     "spin": "2 s of processor time", "grow": "256 MiB of memory", "crash": "crashed, SIGSEGV",
+    "abort": "crashed, SIGABRT",
     "exit": "without an answer", "flood": "more than the 4 MiB", "raise": "raise", "sleep": "to an end in 1 s",
 }  # fmt: skip
 

@@ -102,6 +102,31 @@ def test_what_is_hidden_in_a_folder_does_not_count(tmp_path: Path) -> None:
     assert fingerprint(case, SETTINGS) == before
 
 
+@pytest.mark.parametrize(
+    ("named", "files"),
+    [
+        ('"set"', ("set/1.parquet", "set/b/2.parquet")),
+        ('"data/run.sel"', ("data/run.sel", "data/run.dat")),
+        ('"run.csv"', ("run.csv",)),
+        ('"data/run.%04"', ("data/run.%04", "data/run.$04")),
+    ],
+)
+def test_a_change_in_any_file_of_a_recording_is_seen(named: str, files: tuple[str, ...], tmp_path: Path) -> None:
+    """Also below the case's folder; other files there, such as earlier answers, do not count."""
+    case = tmp_path / "case"
+    for name in (*files, "out/diagnosis.json"):
+        (case / name).parent.mkdir(parents=True, exist_ok=True)
+        (case / name).write_text("1")
+    (case / "case.toml").write_text(f"[recordings]\nfiles = [{named}]\n")
+    seen = {fingerprint(case, SETTINGS)}
+    for name in files:
+        (case / name).write_text("2")
+        seen.add(fingerprint(case, SETTINGS))
+    (case / "out/diagnosis.json").write_text("2")
+    seen.add(fingerprint(case, SETTINGS))
+    assert len(seen) == 1 + len(files)
+
+
 def test_workers_give_the_table_in_the_order_of_the_cases(tmp_path: Path) -> None:
     """Whatever is ready first; a worker that was lost has its sentence, and is asked again by the next run."""
     named, out = cases_in(tmp_path / "park", "a", "b", "c"), tmp_path / "out"

@@ -161,6 +161,25 @@ def test_an_interrupt_within_foreign_code_is_not_lost(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (130, "aeolid: stopped\n")
 
 
+LOADING = """
+import os, signal, sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+from aeolid.cli.main import main
+sys.exit(main(["--version"]))
+"""
+
+
+@pytest.mark.parametrize("module", ["aeolid.children", "typer", "aeolid.cli.guard", "aeolid.cli.check"])
+def test_an_interrupt_while_modules_are_loaded_is_one_sentence(module: str, tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", LOADING, module], cwd=tmp_path, capture_output=True, text=True,
+                          timeout=3600, preexec_fn=heed)  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "aeolid: stopped\n")
+
+
 def case_in(made: Path, folder: Path, change: str = "") -> Path:
     """Copy the positioning stage, in its case.toml one text replaced by another: "old=>new"."""
     case = folder / "case"

@@ -18,7 +18,7 @@ from aeolid.cli.main import main
 from aeolid.diagnose.rules import DecisionRules
 from aeolid.errors import DataError
 from aeolid.fleet.campbell import find_campbell
-from aeolid.formats import write_table
+from aeolid.formats import Table, write_table
 from aeolid.formats.rates import series_of
 from aeolid.identify.free_run import run_free
 from aeolid.identify.modal import find_modal
@@ -158,7 +158,8 @@ def test_no_straight_line_leads_to_one(caplog: pytest.LogCaptureFixture) -> None
     """Where channels are resampled, the samples beside would be drawn towards it."""
     values = np.sin(0.1 * np.arange(100.0))
     values[[20, 60]] = -9999.0
-    found = series_of("rec.mf4", Channel("u", "V", "input"), 0.1 * np.arange(100.0), values)
+    table = Table("rec.mf4", ("u",), {"u": values})
+    found = series_of(table, Channel("u", "V", "input"), 0.1 * np.arange(100.0), values)
     assert len(found.values) == 98 and abs(found.values).max() <= 1
     assert "rec.mf4: 2 samples of u read -9999," in caplog.text
 

@@ -15,6 +15,7 @@ from aeolid.cli.common import FILTERS
 from aeolid.cli.main import main
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.filters import METHODS, REGRESSORS_MAX, FilterResult, filter_record, replay_filter
+from aeolid.filters.settings import least_forgetting
 from aeolid.native import find_native, load_library
 from aeolid.record import Channel, Record
 
@@ -280,7 +281,10 @@ def test_a_hole_restarts_the_window_and_says_so(method: str) -> None:
         ({"past": 2, "growth_max": 1.0}, "growth_max = 1 is not between 4 and 1e"),
         ({"past": 2, "growth_max": 1e5, "regularisation": 1e-6}, "growth_max / regularisation"),
         ({"past": 2, "regularisation": float("inf")}, "regularisation = inf is not between"),
-        ({"past": 30, "method": "fast-rls", "forgetting": 0.7}, r"fast-rls needs 0\.001: take at least 0\.7943"),
+        (
+            {"past": 30, "method": "fast-rls", "forgetting": 0.97},
+            r"0\.97 remembers 33\.3 samples; fast-rls with 120 regressors needs 40: take at least 0\.9750",
+        ),
         ({"past": 30, "method": "lattice", "forgetting": 0.6}, r"lattice needs 1e-06: take at least 0\.6210"),
     ],
 )
@@ -288,6 +292,16 @@ def test_bad_settings_are_named(change: dict[str, object], word: str) -> None:
     u, y = simulate(50)
     with pytest.raises(UsageError, match=word):
         replay_filter(u, y, **change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.parametrize("past", [3, 7, 30, 75])
+def test_the_least_forgetting_told_is_taken_and_the_next_below_is_not(past: int, precision: str) -> None:
+    u, y = simulate(100)
+    least = least_forgetting(4 * past, 3.0)
+    replay_filter(u, y, past=past, method="fast-rls", forgetting=least, precision=precision)
+    with pytest.raises(UsageError, match=f"take at least {least:.4f}"):
+        replay_filter(u, y, past=past, method="fast-rls", forgetting=least - 1e-4, precision=precision)
 
 
 def test_bad_arrays_are_named() -> None:
@@ -435,3 +449,25 @@ def test_parameters_of_els_are_identified(tmp_path: Path, capsys: pytest.Capture
     poles = np.array([complex(*z) for z in facts["identification"]["eigenvalues"]])
     assert np.abs(np.sort_complex(poles) - np.sort_complex(np.roots([1, -1.6, 0.8]))).max() < 0.02
     assert facts["identification"]["varmax"]["stopped"] == "Ξ as streamed"
+
+
+@pytest.mark.parametrize(
+    ("size", "precision", "told"),
+    [
+        (1e300, "f32", "f32 holds; give it in a larger unit, or"),
+        (1e300, "f64", "f64 holds"),
+        (1e100, "f32", "or take f64"),
+    ],
+)
+def test_a_channel_whose_deviation_overflows_is_named(
+    size: float, precision: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = np.random.default_rng(2).standard_normal((60, 2)) * [1.0, size]
+    rows = [f"{0.1 * k:.1f},{u!r},{y!r}" for k, (u, y) in enumerate(values.tolist())]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,u,y", *rows]) + "\n")
+    entries = [f'[[channel]]\nname = "{n}"\nunit = ""\nrole = "{r}"\n' for n, r in (("u", "input"), ("y", "output"))]
+    (tmp_path / "r.toml").write_text("".join(entries))
+    asked = ["filter", str(tmp_path / "a.csv"), "--roles", str(tmp_path / "r.toml"), "--method", "rls", "--past", "3"]
+    assert main([*asked, "--precision", precision, "--out", str(tmp_path / "x.npz")]) == 3
+    said = capsys.readouterr().err
+    assert f"{tmp_path / 'a.csv'}: channel 'y'" in said and told in said

@@ -43,6 +43,24 @@ def test_a_variable_is_not_overwritten_by_a_field(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read(tmp_path / "a.mat", "sim.u").column("u"), -K)
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".h5"])
+@pytest.mark.parametrize("first", ["y", "y1"])
+def test_a_vector_called_as_a_column_of_a_matrix_is_a_doubled_heading(suffix: str, first: str, tmp_path: Path) -> None:
+    """Which of the two stands first in the file says nothing about which is meant; others are read all the same."""
+    held = {"y": np.column_stack([K, -K]), "y1": 100 + K}
+    held = {name: held[name] for name in (first, *held)} | {"time_s": TIME, "u": K}
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".h5":
+        with h5py.File(path, "w", track_order=True) as file:
+            for name, values in held.items():
+                file[name] = values
+    else:
+        savemat(path, held) if suffix == ".mat" else np.savez(path, **held)  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="the heading 'y1' stands there 2 times; rename all but one"):
+        read(path, y="y1")
+    np.testing.assert_array_equal(read(path, y="y2").values, np.column_stack([K, -K]))
+
+
 def as_mat73(path: Path, variables: Mapping[str, Any]) -> Path:
     """Write HDF5 as MATLAB does: column by column, so that HDF5 shows the axes in reverse; a text is numbers, too."""
     with h5py.File(path, "w", userblock_size=512) as file:

@@ -47,9 +47,9 @@ def test_the_parts_of_a_dataset_are_one_recording(tmp_path: Path, dates: bool) -
 
 
 def _hash(folder: Path) -> str:
-    from aeolid.formats.recording import _hash
+    from aeolid.formats.recording import recording_sha256
 
-    return _hash(folder)
+    return recording_sha256(folder)
 
 
 def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from aeolid.begin.survey import survey
 from aeolid.cli.main import main
 from aeolid.errors import DataError
-from aeolid.formats import extras, read_record
+from aeolid.formats import extras, read_record, read_table
 from aeolid.record import Channel, Roles
 
 pytestmark = pytest.mark.usefixtures("forking_throughout")
@@ -155,6 +155,23 @@ def test_one_result_of_bladed_and_its_hash(tmp_path: Path) -> None:
     before = read_record(project, speed).sha256
     (tmp_path / "run.$04").write_bytes(np.column_stack([SPEED + 1, AT]).astype("<f4").tobytes())
     assert read_record(project, speed).sha256 != before
+
+
+def test_channels_of_one_name_in_bladed_are_told_apart(tmp_path: Path) -> None:
+    """Four in three results, two of them in one of these: none is dropped, and none answers for another."""
+    held = {"04": ["v", "v", "Time"], "05": ["v", "w"], "06": ["x", "v"]}
+    for k, (number, names) in enumerate(held.items()):
+        (tmp_path / f"run.%{number}").write_text(bladed_header(names, ["N"] * len(names)))
+        table = 10 * k + np.arange(len(names)) + 0.0 * AT[:, None]
+        (tmp_path / f"run.${number}").write_bytes(table.astype("<f4").tobytes())
+    (tmp_path / "run.$PJ").write_text("<?xml version='1.0'?>\n")
+    found = read_table(tmp_path / "run.$PJ")
+    means = {"v (.$04 1)": 0, "v (.$04 2)": 1, "Time (.$04)": 2, "v (.$05)": 10, "w": 11, "x": 20, "v (.$06)": 21}
+    assert {n: v[0] for n, v in found.columns.items() if n != "Time"} == means
+    np.testing.assert_allclose(found.columns["Time"], AT)
+    with pytest.raises(DataError, match=r"'v' stands there 4 times \(v \(.\$04 1\), .*; name one of them in full"):
+        read_table(tmp_path / "run.$PJ", ["v"])
+    assert read_table(tmp_path / "run.$PJ", ["v (.$06)"]).columns["v (.$06)"][0] == 21
 
 
 def test_blades_of_hawc2_bend_flapwise_about_their_x_axis(tmp_path: Path) -> None:

@@ -209,7 +209,7 @@ def test_the_bounds_are_as_stated(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 CLAIMS = {
     "long heading": ("a.csv", b"time_s," + b"_" * 100_000 + b"x\n0,1\n", "100001 characters"),
     "long cell": ("a.csv", b"time_s,pitch\n0,1\n1," + b"z" * 300_000 + b"\n", "limit"),
-    "quoted rest": ("a.csv", b'time_s,pitch\n0,"' + b"1\n" * 200_000, "limit"),
+    "quoted rest": ("a.csv", b'time_s,pitch\n0,"' + b"1\n" * 200_000, r"line 2\): a quotation mark"),
     "many columns": ("a.csv", b"," * 70_000 + b"\n0,1\n", "70001 channels"),
     "long line": ("a.out", b"1" * (3 << 20), "line 1 is longer than 1 MiB"),
     "long row": ("a.out", b"\n" * 6 + b"Time pitch\n(s) (deg)\n" + b"1" * (3 << 20), "line 9 is longer than 1 MiB"),

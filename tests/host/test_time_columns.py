@@ -101,8 +101,10 @@ def test_whole_steps_without_a_unit_are_asked_about(tmp_path: Path) -> None:
         (0.0, 12.5, "in milliseconds that is 80 samples", "ms", 1e-3),
         (45352.5, 0.05 / 86400, "in days that is one sample in 0.05 s", "d", 86400.0),
         (738000.5, 0.1 / 86400, "in days that is one sample in 0.1 s", "d", 86400.0),
-        (250000000, 10000, "as s since 1970 that is one sample every 1e", "us", 1e-6),
-        (300000000000, 10000000, "as ms since 1970 that is one sample every 1e", "ns", 1e-9),
+        (250000000, 10000, "in microseconds that is 100 samples", "us", 1e-6),
+        (300000000000, 10000000, "in nanoseconds that is 100 samples", "ns", 1e-9),
+        (1500000000, 10000, "as s since 1970 that is one sample every 1e", "us", 1e-6),
+        (1500000000000, 10000000, "as ms since 1970 that is one sample every 1e", "ns", 1e-9),
     ],
 )
 def test_numbers_that_are_plainly_no_seconds_are_asked_about(

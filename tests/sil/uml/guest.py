@@ -419,7 +419,7 @@ def program() -> dict[str, Any]:
 
 def import_all() -> None:
     """Import what `listen` and `node` need, which takes seconds here: the forks inherit it."""
-    importlib.import_module("aeolid.cli.main").build_app()
+    importlib.import_module("aeolid.cli.app").build_app()
     importlib.import_module("aeolid.can.library").import_without_mdf4()  # as a listener does
     for name in NEEDED:
         importlib.import_module(f"aeolid.{name}")

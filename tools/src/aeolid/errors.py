@@ -23,6 +23,14 @@ class Contradiction(DataError):
     """Two files say different things of one channel; the text names the channel, both statements and the remedy."""
 
 
+class UnevenClock(DataError):
+    """The samples run forward in time but lie on no uniform clock; resampling brings them to one."""
+
+
+class OpenUnit(DataError):
+    """A column's numbers do not tell the unit of time that they are in; the text says what to state."""
+
+
 class NotIdentifiable(AeolidError):
     """The data do not carry the answer; the text says which condition failed, what was found, what is needed."""
 

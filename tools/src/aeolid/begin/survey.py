@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from aeolid.errors import DataError
+from aeolid.errors import DataError, OpenUnit, UnevenClock
 from aeolid.formats import Table, read_chosen
-from aeolid.formats.clock import clock_of, is_time_heading
+from aeolid.formats.clock import clock_of, is_time_heading, possible_units
 from aeolid.formats.headings import plain_unit, split_heading
 from aeolid.formats.meanings import Meaning, meaning_of
 from aeolid.formats.table import Array
-from aeolid.formats.timebase import uniform_grid
+from aeolid.formats.timebase import require_running_clock, uniform_grid
 from aeolid.units import alike, rightly
 
 _SPARSE = 0.3  # share of missing cells from which a channel is taken for one of a slower rate
-_FASTEST_S, _SLOWEST_S = 1e-4, 2.0  # sample times of recordings of turbines, by which milliseconds are told
+_SAME_INSTANT = 1e-9  # seconds, within which two channels have one clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,35 +85,64 @@ def survey(path: str | Path) -> Survey:
 
 def _with_clock(found: Survey, heading: str | None) -> Survey:
     """Find out what the roles file must say of the clock."""
-    from dataclasses import replace
-
-    table = found.table
     if heading is None:
         note = "no time column was found: sample_time_s is a guess, correct it"
         return replace(found, sample_time_s=0.1, notes=(note,))
-    unit = table.units.get(heading, split_heading(heading)[1])
-    notes: tuple[str, ...] = ()
-    stated = None
+    named = replace(found, time=split_heading(heading)[0] if heading != found.table.time else heading)
     try:
-        seconds = clock_of(table, heading, unit, None, None).seconds
-    except DataError:
-        step = float(np.nanmedian(np.diff(table.columns[heading])))
-        stated = "ms" if _FASTEST_S <= step * 1e-3 <= _SLOWEST_S else "s"
-        notes = (f"the time steps by {step:g} and does not say its unit: taken for {stated}",)
-        seconds = clock_of(table, heading, unit, stated, None).seconds
+        seconds, stated, notes = _seconds(found.table, heading)
+    except DataError as error:  # the question is the user's to answer
+        return replace(named, notes=(_without_source(found.table, error),))
     resample = None
+    try:
+        why = _reason_to_resample(found, seconds)
+        if why:
+            resample, notes = "auto", (*notes, why)
+    except DataError as error:
+        notes = (*notes, f"as it stands it cannot be read: {_without_source(found.table, error)}")
+    return replace(named, time_unit=stated, resample=resample, seconds=seconds, notes=notes)
+
+
+def _without_source(table: Table, error: DataError) -> str:
+    return str(error).removeprefix(f"{table.source}: ")
+
+
+def _seconds(table: Table, heading: str) -> tuple[Array, str | None, tuple[str, ...]]:
+    """Return the time in seconds (N,), the unit that the roles file must state, and what was guessed of it.
+
+    Raises DataError where the unit is wrong or where more than one is possible.
+    """
+    unit = table.units.get(heading, split_heading(heading)[1])
+    try:
+        return clock_of(table, heading, unit, None, None).seconds, None, ()
+    except OpenUnit:
+        possible = possible_units(table.columns[heading])
+        if len(possible) != 1:
+            raise
+    step = float(np.nanmedian(np.diff(table.columns[heading])))
+    note = f"the time steps by {step:.6g} and does not say its unit: taken for {possible[0]}"
+    return clock_of(table, heading, unit, possible[0], None).seconds, possible[0], (note,)
+
+
+def _reason_to_resample(found: Survey, seconds: Array) -> str:
+    """Say why the channels must be resampled: several rates, an uneven clock; empty where they need not be.
+
+    Raises DataError where no resampling helps: the time of a channel is missing, repeats or goes backwards.
+    """
+    table = found.table
     sparse = [n for n in found.meanings if np.mean(np.isnan(table.columns[n])) > _SPARSE and len(found.values(n)) > 1]
-    clocks = {len(c) for c in table.clocks.values()}
-    if sparse or len(clocks) > 1:
-        notes += ("its channels have different rates: they are resampled to the slowest of those in use",)
-        resample = "auto"
-    else:
-        try:
-            uniform_grid(table, seconds, None)
-        except DataError as error:
-            notes += (f"its clock is uneven, so it is resampled ({str(error).removeprefix(f'{table.source}: ')})",)
-            resample = "auto"
-    return replace(
-        found, time=split_heading(heading)[0] if heading != table.time else heading, time_unit=stated,
-        resample=resample, seconds=seconds, notes=notes,
-    )  # fmt: skip
+    clocks = list(table.clocks.values())
+    if sparse or any(not _same(clocks[0], other) for other in clocks[1:]):
+        for name in found.meanings:
+            rows = np.flatnonzero(np.isfinite(table.columns[name]))
+            require_running_clock(table, table.clocks.get(name, seconds)[rows], rows, name)
+        return "its channels have different rates: they are resampled to the slowest of those in use"
+    try:
+        uniform_grid(table, seconds, None)
+    except UnevenClock as error:
+        return f"its clock is uneven, so it is resampled ({_without_source(table, error)})"
+    return ""
+
+
+def _same(first: Array, other: Array) -> bool:
+    return len(first) == len(other) and bool(np.all(np.abs(first - other) <= _SAME_INSTANT))

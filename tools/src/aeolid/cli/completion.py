@@ -28,7 +28,7 @@ def run(
     """Print the script by which a shell completes commands, options and their values."""
     if shell not in SHELLS:
         raise UsageError(f"there is no completion for {shell}; there is for {', '.join(SHELLS)}")
-    from aeolid.cli.main import build_app
+    from aeolid.cli.app import build_app
 
     os.environ["_AEOLID_COMPLETE"] = f"source_{shell}"  # the protocol of the scripts themselves
     build_app()(args=[], prog_name="aeolid")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,10 @@ from aeolid.errors import AeolidError, DataError, UsageError
 from aeolid.inputs import open_regular
 from aeolid.output import declare, write_json, write_text
 from aeolid.output.ledger import digest
-from aeolid.text_files import MOST_JSON, load_json
+from aeolid.text_files import MOST_JSON, load_json, load_toml
 from aeolid.wording import counted, place, plain, plus_minus
 
-TABLE, FACTS = "cases.csv", "cases.json"
+TABLE, FACTS, CASE = "cases.csv", "cases.json", "case.toml"
 _DONE = "done.json"  # in the folder of a case: what it was diagnosed from
 COLUMNS = ("case", "verdict", "effect", "where", "value", "std", "unit", "gain", "low", "statement")
 
@@ -129,18 +130,37 @@ def run_many(
 
 
 def fingerprint(case: Path, settings: Mapping[str, Any]) -> str:
-    """Return the SHA-256 of the files in a case's folder and the settings, in hexadecimal.
+    """Return the SHA-256 of the files in a case's folder, of those below it that it names, and the settings.
 
+    In hexadecimal; a recording may consist of several files, or be a folder of them.
     Files that a case names elsewhere (--allow-outside) are not seen: their case is diagnosed anew where its own files
     change.
     """
     total = hashlib.sha256(json.dumps(dict(settings), sort_keys=True, default=str).encode())
     if not case.is_dir():
         raise DataError(f"{case}: no such folder")
-    for path in sorted(p for p in case.iterdir() if p.is_file() and not p.name.startswith(".")):
+    own = {p for p in case.iterdir() if p.is_file() and not p.name.startswith(".")}
+    for path in sorted(own | _named_below(case)):
         with open_regular(path) as handle:
-            total.update(f"{path.name}\0{digest(handle)}\n".encode())
+            total.update(f"{path.relative_to(case).as_posix()}\0{digest(handle)}\n".encode())
     return total.hexdigest()
+
+
+def _named_below(case: Path) -> set[Path]:
+    """Return the files in folders below a case's own that its case.toml names; none where that cannot be read."""
+    from aeolid.formats.recording import files_of
+
+    try:
+        tables = [table for table in load_toml(case / CASE).values() if isinstance(table, dict)]
+    except AeolidError:
+        return set()  # the diagnosis says what is wrong
+    given = [t.get(key) for t in tables for key in ("file", "files", "roles")]
+    names = [n for v in given for n in (v if isinstance(v, list) else [v]) if isinstance(n, str) and n]
+    found: set[Path] = set()
+    for path in (case / n for n in names if not Path(n).is_absolute() and ".." not in Path(n).parts and "\0" not in n):
+        with suppress(AeolidError):
+            found.update(p for p in files_of(path) if p.is_file())
+    return found
 
 
 def _known(folder: Path, key: str) -> dict[str, Any] | None:

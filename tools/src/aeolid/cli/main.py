@@ -1,72 +1,22 @@
-"""Run the command line and turn errors into one sentence and an exit code."""
+"""Start the command line: from its first line on an interrupt ends it in one sentence.
+
+The sub-commands and what they need are imported after that (`aeolid.cli.app`), which takes most of the time of a short
+command.
+"""
 
 from __future__ import annotations
 
 import atexit
 import gc
-import importlib
-import inspect
 import os
-import pkgutil
+import signal
 import sys
-from typing import Annotated
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
 
-import typer
-from rich.markup import escape
-
-import aeolid.cli
-from aeolid import output
-from aeolid.children import guard_imports
-from aeolid.cli import guard
-
-PLUMBING = {
-    "main", "challenge_rescore", "common", "diagnose_many", "diagnose_piece", "durations", "guard",
-    "identify_structure", "listen_facts", "listen_modes", "listen_rules", "listen_view", "merged_modes", "pictures",
-    "pools", "publishing", "receiving", "reference",
-}  # fmt: skip
-HELP = """Identify and diagnose wind-turbine models from controller recordings.
-
-No recording at hand? aeolid example writes some. Each command says more: aeolid identify --help."""
-ENDING = (
-    "Exit codes: 0 done; 1 done, and the answer is the bad news asked for; 2 wrong usage; 3 unreadable or inconsistent "
-    "data; 4 the data do not carry the answer; 70 a defect of aeolid itself; 130 stopped. --json FILE writes the facts "
-    "of a command for machines."
-)
-
-
-def build_app() -> typer.Typer:
-    """Collect the sub-commands: every module of aeolid.cli but the plumbing offers `register(app)`."""
-    app = typer.Typer(name="aeolid", help=HELP, epilog=ENDING, no_args_is_help=True, pretty_exceptions_enable=False)
-
-    @app.callback()
-    def root(
-        version: Annotated[
-            bool, typer.Option("--version", help="Say the version and exit.", callback=_say_version, is_eager=True)
-        ] = False,
-    ) -> None:
-        """Take what goes before the command."""
-
-    for info in sorted(pkgutil.iter_modules(aeolid.cli.__path__), key=lambda m: m.name):
-        if info.name not in PLUMBING:
-            module = importlib.import_module(f"aeolid.cli.{info.name}")
-            module.register(app)
-            command = app.registered_commands[-1]
-            assert command.callback is not None
-            command.callback = guard.carrying(command.callback)
-            command.help = _paragraphs(inspect.getdoc(command.callback) or "")
-            command.epilog = escape("\n".join(["Examples:", *getattr(module, "EXAMPLES", ())]))
-    return app
-
-
-def _paragraphs(text: str) -> str:
-    """Return the text with each paragraph on one line, so that it is wrapped to the terminal and nowhere else."""
-    return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
-
-
-def _say_version(wanted: bool) -> None:
-    if wanted:
-        print(f"aeolid {aeolid.__version__}")
-        raise typer.Exit
+STOPPED = 130  # as shells say it of Ctrl-C
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -74,28 +24,42 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns the exit code: 0 done, 1 bad news asked for, 2 usage, 3 data, 4 not informative, 130 stopped, 70 a defect.
     """
-    guard_imports(started_as_module=__name__ == "__main__")
-    # At its end the interpreter visits every object for the last time: half a second for those of the modules, which go
-    # with the process anyhow.
-    atexit.unregister(gc.freeze)
-    atexit.register(gc.freeze)
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on matrices this small a second thread only waits
-    with guard.standard_streams() as stream, guard.interrupts():
-        try:
-            code = _run(arguments)
-        except BaseException as error:
-            code = guard.explain(error)
-        finally:
-            output.finished()
-        return guard.end_of(stream, code)
+    with _quiet_while_loading():
+        from aeolid.children import guard_imports
+
+        guard_imports(started_as_module=__name__ == "__main__")
+        # At its end the interpreter visits every object for the last time: half a second for those of the modules,
+        # which go with the process anyhow.
+        atexit.unregister(gc.freeze)
+        atexit.register(gc.freeze)
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on matrices this small a second thread only waits
+        from aeolid.cli.app import run
+
+        return run(arguments)
 
 
-def _run(arguments: list[str] | None) -> int:
+@contextmanager
+def _quiet_while_loading() -> Iterator[None]:
+    """End the process at once and in one sentence on Ctrl-C, until a command has a handler of its own.
+
+    Nothing is written before, so nothing is left half made; an exception could be lost in the middle of an import.
+    """
+    mine = threading.current_thread() is threading.main_thread()
+    if not mine or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _stop)
     try:
-        build_app()(args=arguments, prog_name="aeolid")  # ends in SystemExit; usage errors are reported there, code 2
-    except SystemExit as done:
-        return done.code if isinstance(done.code, int) else 0
-    return 0
+        yield
+    finally:
+        if signal.getsignal(signal.SIGINT) is _stop:  # else a command was stopped, and its handler stays until the end
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _stop(_number: int, _frame: FrameType | None) -> None:
+    with suppress(OSError):
+        os.write(2, b"aeolid: stopped\n")
+    os._exit(STOPPED)
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ def run(
     """
     declare("node", force=force, inputs=[recording, roles], files={"--dump": dump, "--json": json})
     feed = _choose_feed(recording, roles, turbine, samples, seed)
-    _check_filter(feed, method, varmax, past, forget)
+    _check_filter(feed, method, varmax, past, forget, len(set(feedthrough or [])))
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
     options += (["--varmax"] if varmax else []) + ([] if forget is None else ["--forget", forget])
     options += ["--base", _base_to_send_at(base, node_id, force_base), "--node-id", node_id]
@@ -126,13 +126,14 @@ def _base_to_send_at(base: str, node_id: int, forced: bool) -> int:
     return value
 
 
-def _check_filter(feed: Feed, method: str, varmax: bool, past: int, forget: float | None) -> None:
+def _check_filter(feed: Feed, method: str, varmax: bool, past: int, forget: float | None, present: int) -> None:
     """Refuse before the process starts what its filter would refuse."""
-    from aeolid.filters.settings import FORGETTING, check_memory, check_sizes, choose_model_set
+    from aeolid.filters.settings import FORGETTING, block_length, check_memory, check_sizes, choose_model_set
 
     model_set = choose_model_set(method, "varmax" if varmax else None)
     check_sizes(len(feed.inputs), len(feed.outputs), past, (), feed.sample_time_s, model_set)
-    check_memory(method, past, FORGETTING.get(method, 1.0) if forget is None else forget)
+    regressors = past * block_length(len(feed.inputs), len(feed.outputs), model_set) + present
+    check_memory(method, past, FORGETTING.get(method, 1.0) if forget is None else forget, regressors)
 
 
 def _sum_up(facts: dict[str, Any]) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 from typer.models import ArgumentInfo, OptionInfo
 
-from aeolid.cli.main import ENDING, HELP, build_app
+from aeolid.cli.app import ENDING, HELP, build_app
 
 WIDTH = 100
 KINDS = {int: "INT", float: "NUMBER", str: "TEXT", Path: "PATH"}

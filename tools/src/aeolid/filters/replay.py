@@ -93,9 +93,10 @@ def replay_filter(
         method, precision, past, lambda_end, float(regularisation), through, float(excitation_min), float(growth_max),
         float(sample_time_s), tuple(tables[0].tolist()), tuple(tables[1].tolist()), chosen,
     )  # fmt: skip
-    check_ranges(settings)
+    regressors = settings.regressors(inputs.shape[1], outputs.shape[1])
+    check_ranges(settings, regressors)
     if method == "els":
-        settings = with_els_defaults(settings, settings.regressors(inputs.shape[1], outputs.shape[1]), len(inputs))
+        settings = with_els_defaults(settings, regressors, len(inputs))
     return _run(inputs, outputs, _microseconds(time_s, len(inputs), sample_time_s), tables, settings)
 
 

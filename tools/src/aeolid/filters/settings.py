@@ -20,9 +20,12 @@ RANGES = {
     "forgetting": (0.5, 1.0), "regularisation": (1e-8, 1e8), "excitation_min": (0.0, 1.0), "growth_max": (4.0, 1e6)
 }  # fmt: skip
 VARIANCE_MAX = 1e10  # of growth_max / regularisation
-# What forgetting must leave of a sample after so many samples less than p: the linear ones refuse windows longer than
-# what they remember (SHRINK_MIN of fast_rls.c, FADED_MIN of lattice.c).
-REMEMBERED = {"fast-rls": (1e-3, 0), "lattice": (1e-6, 1)}
+REGRESSORS_A_MEMORY = {"fast-rls": 3.0}  # at most so many for each sample of a memory (CROWDED_MAX of fast_rls.c)
+ROUNDED = 1.00001  # what the rounding of a forgetting factor may add to that
+# What forgetting must leave of a sample after p - 1 samples: lattices refuse windows longer than what they remember
+# (FADED_MIN of lattice.c).
+REMEMBERED = {"lattice": 1e-6}
+LARGEST = {"f32": float(np.finfo(np.float32).max), "f64": float(np.finfo(np.float64).max)}
 RESOLUTION = {"f32": 2.0**-23, "f64": 2.0**-52}  # of a number beside its size
 REGRESSOR_COUNTERS = ("samples", "rejected_not_finite", "rejected_range", "rejected_time", "gaps")
 RLS_COUNTERS = ("updates", "updates_rejected", "forgetting_withheld", "variances_bounded", "reinitialised", "released")
@@ -118,8 +121,8 @@ def check_sizes(r: int, ny: int, past: int, feedthrough: tuple[int, ...], sample
         raise UsageError(f"sample_time_s = {sample_time_s} is not between 1e-6 and 4000 seconds")
 
 
-def check_ranges(settings: FilterSettings) -> None:
-    """Refuse numbers that the C library would refuse, by name."""
+def check_ranges(settings: FilterSettings, regressors: int) -> None:
+    """Refuse numbers that the C library would refuse for so many regressors, by name."""
     for name, (least, most) in RANGES.items():
         value = getattr(settings, name)
         if not least <= value <= most:
@@ -129,13 +132,19 @@ def check_ranges(settings: FilterSettings) -> None:
             f"growth_max / regularisation = {settings.growth_max:g} / {settings.regularisation:g} is above "
             f"{VARIANCE_MAX:g}; take a smaller growth_max or more regularisation"
         )
-    check_memory(settings.method, settings.past, settings.forgetting)
+    check_memory(settings.method, settings.past, settings.forgetting, regressors)
 
 
-def check_memory(method: str, past: int, forgetting: float) -> None:
+def check_memory(method: str, past: int, forgetting: float, regressors: int) -> None:
     """Refuse a past window longer than what a filter of linear cost remembers."""
-    least, less = REMEMBERED.get(method, (0.0, 0))
-    span = past - less
+    crowded = REGRESSORS_A_MEMORY.get(method)
+    if crowded is not None and regressors * (1.0 - forgetting) > ROUNDED * crowded:
+        raise UsageError(
+            f"forgetting = {forgetting:g} remembers {1.0 / (1.0 - forgetting):.3g} samples; {method} with "
+            f"{regressors} regressors needs {regressors / crowded:.3g}: take at least "
+            f"{least_forgetting(regressors, crowded):.4f}, a shorter window, rls or lattice"
+        )
+    least, span = REMEMBERED.get(method, 0.0), past - 1
     if forgetting**span < least:
         raise UsageError(
             f"forgetting = {forgetting:g} leaves {forgetting**span:.1g} of a sample after a past window of {past}; "
@@ -143,20 +152,36 @@ def check_memory(method: str, past: int, forgetting: float) -> None:
         )
 
 
+def least_forgetting(regressors: int, crowded: float) -> float:
+    """Return the least forgetting factor for so many regressors in steps of 1e-4, rounded up so that it is taken."""
+    return float(np.ceil((1.0 - crowded / regressors) * 1e4 - 1e-9)) / 1e4
+
+
 def find_fault(name: str, samples: Array, precision: str) -> AeolidError | None:
     """Return what makes a channel useless to a filter, None where nothing does.
 
-    name: how the text calls it; samples (N,). A spread below what the precision shows beside the mean is no signal.
+    name: how the text calls it; samples (N,). A spread below what the precision shows beside the mean is no signal,
+    and one beyond its largest number no scale.
     """
     finite = samples[np.isfinite(samples)]
     if not finite.size:
         return DataError(f"{name} holds no finite sample; take it out of the roles or repair the recording")
-    if np.ptp(finite) == 0.0:
+    if finite.min() == finite.max():
         return NotIdentifiable(
             f"{name} is constant ({finite[0]:g}); give it the role ignore, and in a controller excite it or leave it "
             "out of the filter"
         )
-    mean, spread = float(finite.mean()), float(finite.std())
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean, spread = float(finite.mean()), float(finite.std())
+    most = LARGEST.get(precision, LARGEST["f64"])
+    if not (abs(mean) <= most and spread <= most):
+        wider = (
+            " or take f64" if precision == "f32" and abs(mean) <= LARGEST["f64"] and spread <= LARGEST["f64"] else ""
+        )
+        return DataError(
+            f"{name} has values up to {np.max(np.abs(finite)):.3g}: its mean or its deviation is beyond what"
+            f" {precision} holds; give it in a larger unit{wider}, or give it the role ignore"
+        )
     if spread <= RESOLUTION.get(precision, 0.0) * abs(mean):
         return NotIdentifiable(
             f"{name} varies by {spread:.2g} about {mean:g}, less than {precision} shows; "

@@ -20,7 +20,7 @@ from aeolid.formats.recording import SUFFIXES
 from aeolid.record import Roles
 
 DAY = 86400.0
-FORMAT = 1  # of the cached factors: one more where their content changes
+FORMAT = 2  # of the cached factors: one more where their content changes
 EPOCH = 1e8  # times above this are seconds since 1970, below since some start of their own
 _STAMPS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
 

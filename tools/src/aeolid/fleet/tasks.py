@@ -21,8 +21,8 @@ from aeolid.fleet.modelling import choose_common_order, model_summary
 from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary, load, merge_all, save, summarise
 from aeolid.formats import read_record
+from aeolid.formats.recording import recording_sha256
 from aeolid.output import make_folder
-from aeolid.record import file_sha256
 
 BROKEN = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile)  # what a damaged cache file may raise
 
@@ -73,7 +73,7 @@ def prepare_cache(cache: Path) -> None:
 def compress_file(path: str, plan: Plan, cache: str) -> FileDone:
     """Compress one recording into the cache, or find it there."""
     try:
-        digest = file_sha256(path)
+        digest = recording_sha256(path)
         name = plan.cache_key(digest)
         target = Path(cache) / "factors" / f"{name}.npz"
         summary, reused = _cached(target), True

@@ -20,17 +20,18 @@ def table_of_arrays(
 ) -> Table:  # fmt: skip
     """Take vectors (N,), (N, 1), (1, N) and the columns y1, y2, … of matrices y (N, k) as channels.
 
-    shapes: of every array; load: reads those that are named, once the wanted ones are known.
+    shapes: of every array; load: reads those that are named, once the wanted ones are known. A vector called as the
+    column of a matrix is a second heading of that name, whatever their order in the file.
     """
-    places: dict[str, tuple[str, int | None]] = {}
+    found: list[tuple[str, tuple[str, int | None]]] = []
     for name, shape in shapes.items():
         if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
-            places[name] = name, None
+            found.append((name, (name, None)))
         elif len(shape) == 2:
-            if shape[1] + len(places) > MOST_CHANNELS:
+            if shape[1] + len(found) > MOST_CHANNELS:
                 raise DataError(f"{path}: {name} is a matrix of {shape[1]} columns; at most {MOST_CHANNELS} are read")
-            places |= {f"{name}{i + 1}": (name, i) for i in range(shape[1])}
-    names = guard_names(path, tuple(places))
+            found += [(f"{name}{i + 1}", (name, i)) for i in range(shape[1])]
+    names, places = guard_names(path, tuple(heading for heading, _ in found)), dict(found)
     wanted = choose(names, None)
     guard_size(path, sum(8 * max(shapes[places[heading][0]][:1], default=0) for heading in wanted))
     arrays = load(list(dict.fromkeys(places[heading][0] for heading in wanted)))

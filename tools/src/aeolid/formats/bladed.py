@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,16 +74,11 @@ def beside(path: Path) -> list[Path]:
 def read_bladed(path: Path, choose: Choose) -> Table:
     """Read the chosen channels of a result, or of all results of a project. Raises DataError."""
     results = _results(path)
-    names: list[str] = [CLOCK]
-    units: dict[str, str] = {CLOCK: "s"}
-    place: dict[str, tuple[_Result, int]] = {}
-    for result in results:
-        for i, name in enumerate(result.names):
-            own = name if name not in place and name != CLOCK else f"{name} ({result.data.suffix})"
-            if own not in place:
-                names.append(own)
-                place[own], units[own] = (result, i), result.units[i]
-    wanted = choose(guard_names(path, tuple(names)), CLOCK)
+    headings = _headings(results)
+    place = {heading: (result, i) for heading, result, i in headings}
+    units = {CLOCK: "s"} | {heading: result.units[i] for heading, result, i in headings}
+    names = guard_names(path, (CLOCK, *(heading for heading, _, _ in headings)))
+    wanted = choose(names, CLOCK)
     first = results[0]
     columns: dict[str, Array] = {}
     held: dict[Path, Array] = {}
@@ -95,7 +91,22 @@ def read_bladed(path: Path, choose: Choose) -> Table:
         if result.data not in held:
             held = {result.data: _numbers(result)}  # one file at a time
         columns[name] = np.ascontiguousarray(held[result.data][:, i], dtype=np.float64)
-    return Table(str(path), tuple(names), columns, units, CLOCK)
+    return Table(str(path), names, columns, units, CLOCK)
+
+
+def _headings(results: Sequence[_Result]) -> list[tuple[str, _Result, int]]:
+    """Return a heading for every channel, its result and its place there: the name where no other channel has it.
+
+    Behind a name of several channels stands which result it is from, and its place there where that has several.
+    """
+    count = Counter([CLOCK, *(name for result in results for name in result.names)])
+    found = []
+    for result in results:
+        own = Counter(result.names)
+        for i, name in enumerate(result.names):
+            which = result.data.suffix if own[name] == 1 else f"{result.data.suffix} {i + 1}"
+            found.append((name if count[name] == 1 else f"{name} ({which})", result, i))
+    return found
 
 
 def _results(path: Path) -> list[_Result]:

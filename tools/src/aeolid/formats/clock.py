@@ -1,8 +1,9 @@
 """Turn a time column into seconds: by its unit, by what it counts from, and from dates as text.
 
-Numbers since 1970 are told by their size: a recording made between 1973 and 2100 has 1e8 … 4e9 seconds behind it, so
-the same count in ms, µs and ns lies in decades of its own. A column without a unit that steps by 1 or more is not
-guessed: milliseconds and seconds look alike there, and the sentence asks.
+Numbers since 1970 are told by their size: a recording made between 2000 and 2065 has 0.95e9 … 3e9 seconds behind it, so
+the same count in ms, µs and ns lies in decades of its own, and so do counts of 100 ns since 1601 and since the year 1.
+They are believed where the samples then are as far apart as those of a logger. A column without a unit that steps by 1
+or more, or may count days, is not guessed: milliseconds and seconds look alike there, and the sentence asks.
 """
 
 from __future__ import annotations
@@ -15,28 +16,56 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.errors import DataError
+from aeolid.errors import DataError, OpenUnit
 from aeolid.formats.headings import plain_unit, split_heading
 from aeolid.formats.table import Array, Table
 from aeolid.record import TIME_UNITS
 
 log = logging.getLogger("aeolid.formats")
 
-UNITS = dict(zip(TIME_UNITS, (1.0, 1e-3, 1e-6, 1e-9, 60.0, 3600.0, 86400.0), strict=True))
+UNITS = dict(zip(TIME_UNITS, (1.0, 1e-3, 1e-6, 1e-9, 60.0, 3600.0, 86400.0, 1e-7), strict=True))
 _WORDS = {
     "µs": "us", "μs": "us", "msec": "ms", "usec": "us", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns",
     "minutes": "min", "hours": "h", "days": "d", "millis": "ms", "micros": "us", "hr": "h",
 }  # fmt: skip
 _SUFFIX = re.compile(r"(?:^|[_\s])(s|sec|seconds|ms|msec|us|usec|ns|min|minutes|h|hours)$", re.IGNORECASE)
-_EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
-_RARE_S = 3600.0  # between samples: a count of another kind is likelier than such a recording of a machine
 _DAYS = ((3.5e4, 8e4), (6.9e5, 8e5))  # since 1900 (1996 to 2119) and since the year 0 (1889 to 2190)
-_DAYS_STEP = 1e-4  # days: 8.6 s
+_FIRST_S, _LAST_S = 946684800.0, 3.0e9  # since 1970: 2000 to 2065; counts of LabVIEW, since 1904, are above
+_LONGEST_S = 1e10  # 317 years: no time is as many seconds after anything but a date
+_FASTEST_S, _SLOWEST_S = 1e-3, 2.0  # between samples of a recording of a machine
+_MINUTES = (1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)  # between the samples of a slow logger: parts of an hour
+_SAME_STEP = 1e-3  # relative
 _ASK_FROM = 1.0  # steps of a column without unit, from which its unit is asked for
 _DATE = re.compile(r"\s*(?:\d{4}[-/]\d\d[-/]\d\d|\d\d\.\d\d\.\d{4})(?:[T\s]+\d\d:\d\d.*)?\s*$")
 _OTHER_DATE = re.compile(r"\s*\d{1,2}[/.-]\d{1,2}[/.-]\d{2,4}\b|\s*\d{1,2}:\d\d(?::\d\d)?|\d{4}-W\d\d|\s*\d{8}T\d{4,6}")
 _ZONE = re.compile(r"(?:Z|[+-]\d\d(?::?\d\d)?)\s*$")
 DATES = "dates are read as 2024-03-01T12:00:00.05, with Z or +01:00 where the zone is known, or 01.03.2024 12:00:00"
+
+
+@dataclass(frozen=True)
+class _Epoch:
+    """Hold a way to count instants: in what unit, the count at 1970, since when, and whether that is in UTC."""
+
+    unit: str
+    at_1970: float
+    since: str
+    utc: bool = True
+
+    def seconds(self, count: Array | float) -> Any:
+        """Return the seconds since 1970."""
+        return (count - self.at_1970) * UNITS[self.unit] if self.at_1970 else count * UNITS[self.unit]
+
+    def holds(self, count: float) -> bool:
+        """Tell whether a count lies between 2000 and 2065."""
+        return bool(_FIRST_S <= self.seconds(count) <= _LAST_S)
+
+
+_EPOCHS = (
+    *(_Epoch(unit, 0.0, "1970") for unit in ("s", "ms", "us", "ns")),
+    _Epoch("100ns", 116444736e9, "1601 (FILETIME of Windows)"),
+    _Epoch("100ns", 621355968e9, "the year 1 (ticks of .NET)", utc=False),
+)
+_DATES = (_Epoch("d", 25569.0, "1900", utc=False), _Epoch("d", 719529.0, "the year 0", utc=False))  # never guessed
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,41 +123,63 @@ def clock_of(table: Table, heading: str, unit: str | None, stated: str | None, d
     if heading in table.begins:
         return Clock(values, table.begins[heading])
     known = values[np.isfinite(values)]
+    first, step = (float(known[0]) if len(known) else 0.0), _step(known)
     said = unit_of_time(heading, unit, source) if stated is None else stated
-    epoch = next((u for least, u in _EPOCHS if len(known) and known[0] >= least), None)
-    if said is None and epoch is not None and _step(known) * UNITS[epoch] > _RARE_S:
-        said = _by_declared(known, declared)
-        if said is None:
-            reading = f"as {epoch} since 1970 that is one sample every {_step(known) * UNITS[epoch]:.4g} s"
-            raise _open(source, heading, known, reading, "ns, us, ms or s")
-    elif stated is None and epoch is not None and (said is None or known[0] * UNITS[said] > 1e10):
-        if epoch != "s" or said != "s":
+    impossible = said in ("s", "ms", "us", "ns", "100ns") and first * UNITS[said] > _LONGEST_S
+    if stated is None and (said is None or impossible):
+        epoch = next((e for e in _EPOCHS if e.holds(first)), None)
+        if epoch is not None and _is_loggers(step * UNITS[epoch.unit]):
+            name, since = epoch.unit.replace("100ns", "100 ns"), epoch.since
             log.warning(
-                "%s: the time column %r counts %s since 1970, so it is taken in %s", source, heading, epoch, epoch
+                "%s: the time column %r counts %s since %s, so it is taken in %s", source, heading, name, since, name
             )
-        return _since_1970(values, known[0], UNITS[epoch])
+            return _dated(values, first, epoch)
+        said = _by_declared(known, declared)
+        if said is None and (epoch is not None or impossible):
+            raise _open(source, heading, known, _readings(first, step), "ns, us, ms or s")
     if said is None:
-        said = _by_declared(known, declared) or "s"
-        if said == "s" and declared is None:
+        said = "s"
+        if declared is None:
             _ask(source, heading, known)
     scale = UNITS[said]
     if scale != 1.0:
-        log.warning(
-            "%s: the time column %r is in %s; one sample takes %.6g s", source, heading, said, _step(known) * scale
-        )
-    if len(known) and 1e8 <= known[0] * scale <= 1e10:
-        return _since_1970(values, known[0], scale)
-    return Clock(values * scale if scale != 1.0 else values)
+        log.warning("%s: the time column %r is in %s; one sample takes %.6g s", source, heading, said, step * scale)
+    epoch = next((e for e in (*_EPOCHS, *_DATES) if e.unit == said and e.holds(first)), None)
+    return Clock(values * scale if scale != 1.0 else values) if epoch is None else _dated(values, first, epoch)
 
 
-def _since_1970(values: Array, first: float, scale: float) -> Clock:
-    """Return a count since 1970 in seconds, still since 1970: periods of a fleet go by it."""
-    begins = datetime.fromtimestamp(first * scale, UTC).isoformat().replace("+00:00", "Z")
-    return Clock(values * scale if scale != 1.0 else values, begins)
+def possible_units(values: Array) -> tuple[str, ...]:
+    """Return the units in which a column of time (N,) that says none may be, the likeliest first.
+
+    Those in which its samples are 1 ms to 2 s apart, those in which it counts from a date, and days where it may.
+    """
+    known = values[np.isfinite(values)]
+    first, step = (float(known[0]) if len(known) else 0.0), _step(known)
+    fine = [u for u in ("s", "ms", "us", "ns") if _FASTEST_S <= step * UNITS[u] <= _SLOWEST_S]
+    days = ["d"] if any(least <= first <= most for least, most in _DAYS) else []
+    return tuple(dict.fromkeys(fine + days + [e.unit for e in _EPOCHS if e.holds(first)]))
+
+
+def _dated(values: Array, first: float, epoch: _Epoch) -> Clock:
+    """Return a count from a date in seconds since 1970: periods of a fleet go by it."""
+    begins = datetime.fromtimestamp(float(epoch.seconds(first)), UTC).isoformat().removesuffix("+00:00")
+    return Clock(epoch.seconds(values), begins + ("Z" if epoch.utc else ""))
 
 
 def _step(known: Array) -> float:
     return float(np.median(np.diff(known))) if len(known) > 1 else 0.0
+
+
+def _is_loggers(step_s: float) -> bool:
+    """Tell whether samples may be so far apart: up to 2 s, or minutes; a clock that stands is refused elsewhere."""
+    return step_s <= _SLOWEST_S or any(abs(step_s / (60 * m) - 1) < _SAME_STEP for m in _MINUTES)
+
+
+def _is_round(step: float) -> bool:
+    """Tell whether a step is one of whole milliseconds and of a whole number of samples a second."""
+    if not 0 < step <= 1:
+        return False
+    return all(round(x) >= 1 and abs(x / round(x) - 1) < _SAME_STEP for x in (1e3 * step, 1 / step))
 
 
 def _by_declared(known: Array, declared: float | None) -> str | None:
@@ -140,21 +191,39 @@ def _by_declared(known: Array, declared: float | None) -> str | None:
 
 
 def _ask(source: str, heading: str, known: Array) -> None:
+    """Ask where a column that says no unit may count days or steps by 1 or more."""
     step = _step(known)
     days = any(least <= known[0] <= most for least, most in _DAYS) if len(known) else False
-    if days and 0 < step < _DAYS_STEP:
-        raise _open(source, heading, known, f"in days that is one sample in {step * 86400:.4g} s", "d or s")
+    if days and step > 0 and not _is_round(step):
+        reading = f"in days that is one sample in {step * 86400:.4g} s, in seconds one in {step:.4g} s"
+        raise _open(source, heading, known, reading, "d or s")
     if step >= _ASK_FROM:
-        raise DataError(
-            f"{source}: the time column {heading!r} steps by {step:g} and does not say its unit: in milliseconds that"
-            f' is {1e3 / step:g} samples a second, in seconds one every {step:g} s; set time_unit = "ms" or "s"'
-            " under [recording] in the roles file"
+        (fine, short), (coarse, long) = _pair(step)
+        raise OpenUnit(
+            f"{source}: the time column {heading!r} steps by {step:g} and does not say its unit: in {fine} that"
+            f" is {1 / (step * UNITS[short]):g} samples a second, in {coarse} one every {step * UNITS[long]:g} s; set"
+            f' time_unit = "{short}" or "{long}" under [recording] in the roles file'
         )
 
 
-def _open(source: str, heading: str, known: Array, reading: str, units: str) -> DataError:
+def _pair(step: float) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Return the two units, by name and sign, of which a step of 1 or more is likeliest to be in one."""
+    named = (("seconds", "s"), ("milliseconds", "ms"), ("microseconds", "us"), ("nanoseconds", "ns"))
+    at = 1 if step < 1e3 else 2 if step < 1e6 else 3
+    return named[at], named[at - 1]
+
+
+def _readings(first: float, step: float) -> str:
+    """Say how far apart the samples were in each unit that is possible."""
+    told = [f"as {e.unit} since {e.since} that is one sample every {step * UNITS[e.unit]:.4g} s"
+            for e in _EPOCHS if e.holds(first)]  # fmt: skip
+    (fine, short), _ = _pair(max(step, 1.0))
+    return ", ".join([*told, f"in {fine} one every {step * UNITS[short]:.4g} s"])
+
+
+def _open(source: str, heading: str, known: Array, reading: str, units: str) -> OpenUnit:
     """Build the question for a unit that the numbers do not tell."""
-    return DataError(
+    return OpenUnit(
         f"{source}: the time column {heading!r} begins at {known[0]:.10g}, steps by {_step(known):.4g} and does not say"
         f" its unit; {reading}; set time_unit under [recording] in the roles file to {units}"
     )

@@ -16,13 +16,10 @@ from aeolid.display import has_unseen, token, visible
 from aeolid.errors import DataError
 from aeolid.formats.table import listed
 from aeolid.units import conversion
+from aeolid.units import plain_unit as plain_unit  # part of this module's face, too
+from aeolid.units import same_unit as same_unit
 from aeolid.wording import did_you_mean
 
-_SAME = {
-    "sec": "s", "second": "s", "seconds": "s", "°": "deg", "degree": "deg", "degrees": "deg", "radians": "rad",
-    "1/min": "rpm", "/min": "rpm", "rev/min": "rpm", "min1": "rpm", "r/min": "rpm", "ms2": "m/s2", "ms1": "m/s",
-    "°/s": "deg/s", "1": "", "none": "", "unitless": "", "%": "%",
-}  # fmt: skip
 _FORMULA = re.compile("'*[=+\\-@\t\r＝＋－＠]")
 _GUARDED = re.compile("'+[=+\\-@\t\r＝＋－＠]")
 
@@ -81,18 +78,6 @@ def split_heading(heading: str) -> tuple[str, str | None]:
     return text[:end], unit.strip()
 
 
-def plain_unit(unit: str) -> str:
-    """Reduce the spellings of one unit to one: 'kN·m', 'kN-m' and 'kN m' are the same, so are 'm/s^2' and 'm/s²'."""
-    text = unit.strip().replace("²", "2").replace("³", "3").replace("⁻", "-").replace("¹", "1")
-    text = re.sub(r"[\s·*^\-_()]", "", text)
-    return _SAME.get(text.lower(), text)
-
-
-def same_unit(first: str, second: str) -> bool:
-    """Tell whether two spellings mean the same unit; the case counts, since mW is not MW."""
-    return plain_unit(first) == plain_unit(second)
-
-
 def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
     """Return the heading that is `wanted`, with or without a unit behind it.
 
@@ -104,7 +89,8 @@ def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
     if len(found) == 1:
         return found[0]
     if found:
-        raise DataError(f"{source}: the heading {wanted!r} stands there {len(found)} times; rename all but one")
+        told = f" ({listed(found)}); name one of them in full" if len(set(found)) > 1 else "; rename all but one"
+        raise DataError(f"{source}: the heading {token(wanted)!r} stands there {len(found)} times{told}")
     hint = did_you_mean(wanted, headings.bare) if len(names) > 1 else ""
     # the first line of what is no table is not shown
     held = listed(list(headings.bare)) if len(names) > 1 else "one column only"

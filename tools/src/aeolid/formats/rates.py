@@ -1,7 +1,8 @@
 """Bring channels of different rates, or of one uneven rate, to one uniform clock.
 
 Between two samples of a channel its value goes on a straight line, an angle the shorter way round. Nothing is averaged,
-as a logger does not either, and nothing is put across a gap of more than three of the channel's own steps.
+as a logger does not either, and nothing is put across a gap of more than three of the channel's own steps. Time runs
+forward in the samples of each channel: what repeats or goes backwards is no uneven rate but two recordings in one.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 
 from aeolid.errors import DataError
 from aeolid.formats.bounds import guard_size
-from aeolid.formats.table import Array, listed
-from aeolid.formats.timebase import Grid
+from aeolid.formats.table import Array, Table, listed
+from aeolid.formats.timebase import Grid, require_running_clock
 from aeolid.models.angles import turn_of
 from aeolid.models.fill_values import fill_values_in, sentence
 from aeolid.record import Channel
@@ -41,23 +42,22 @@ class Series:
         return float(np.median(np.diff(self.time))) if len(self.time) > 1 else 0.0
 
 
-def series_of(source: str, channel: Channel, time: Array, values: Array) -> Series:
-    """Return the samples that are there, in the order of time; of several at one instant the last.
+def series_of(table: Table, channel: Channel, time: Array, values: Array) -> Series:
+    """Return the samples of a channel that are there; time (n,) and values (n,) as the file has them.
 
-    Samples that read a fill value are not there, and a warning says so: no straight line leads to such a value.
-    Raises DataError where none is left.
+    Rows that hold other channels' samples alone may stand between them, at the same instant too. Samples that read a
+    fill value are not there, and a warning says so: no straight line leads to such a value. Raises DataError where
+    fewer than two are left, and where the time of one is missing, repeats or goes backwards.
     """
+    source = table.source
     filled = fill_values_in(values)
     for value, count in zip(*np.unique(values[filled], return_counts=True), strict=True):
         log.warning(sentence(source, channel.name, float(value), int(count)))
-    there = np.isfinite(time) & np.isfinite(values) & ~filled
-    time, values = time[there], values[there]
-    order = np.argsort(time, kind="stable")
-    time, values = time[order], values[order]
-    last = np.append(np.diff(time) > 0, True) if len(time) else np.zeros(0, bool)
-    if np.count_nonzero(last) < 2:
+    rows = np.flatnonzero(np.isfinite(values) & ~filled)
+    if len(rows) < 2:
         raise DataError(f'{source}: channel {channel.name!r} has fewer than two samples; give it the role "ignore"')
-    return Series(channel, time[last], values[last])
+    require_running_clock(table, time[rows], rows, channel.name)
+    return Series(channel, time[rows], values[rows])
 
 
 def resampled(source: str, series: Sequence[Series], wanted: float | str) -> tuple[Grid, Array]:

@@ -17,7 +17,7 @@ from aeolid.formats import extras
 from aeolid.formats.bladed import beside, companions, is_bladed, read_bladed
 from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
-from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
+from aeolid.formats.table import Array, Choose, Table, listed, to_numbers, want_all
 from aeolid.formats.timebase import Grid, uniform_grid
 from aeolid.inputs import regular_size
 from aeolid.record import Channel, Record, Roles, file_sha256
@@ -62,7 +62,9 @@ def read_record(path: str | Path, roles: Roles) -> Record:
         if heading in table.begins:
             raise DataError(f"{source}: channel {channel.name!r} holds dates; only the time may")
     grid, values, begins = _on_one_clock(table, roles, channels, headings)
-    return Record(grid.times(), values, channels, grid.sample_time_s, source, _hash(Path(path)), begins, roles.geometry)
+    return Record(
+        grid.times(), values, channels, grid.sample_time_s, source, recording_sha256(path), begins, roles.geometry
+    )
 
 
 def _on_one_clock(
@@ -93,7 +95,7 @@ def _on_one_clock(
 
     common = np.zeros(0) if time is None else time
     series = [
-        series_of(table.source, c, table.clocks.get(h, common), table.columns[h])
+        series_of(table, c, table.clocks.get(h, common), table.columns[h])
         for c, h in zip(channels, headings, strict=True)
     ]
     grid, values = resampled(table.source, series, roles.resample)
@@ -194,17 +196,28 @@ def files_of(path: Path) -> list[Path]:
     return [path]
 
 
-def _hash(path: Path) -> str:
-    """Return the SHA-256 of a recording's file; where it consists of several, that of their sums in hexadecimal."""
+def recording_sha256(path: str | Path) -> str:
+    """Return the SHA-256 of a recording's file; where it consists of several, that of their sums in hexadecimal.
+
+    What `Record.sha256` is and what tells two recordings apart. Raises DataError where the files cannot be listed.
+    """
+    path = Path(path)
     if path.is_dir():
         from aeolid.formats.dataset import parts_of as parts
     elif path.suffix.lower() in (".sel", ".dat"):
         from aeolid.formats.hawc2 import companions as parts
     elif is_bladed(path):
-        parts = companions
+        parts = _results_of
     else:
         return file_sha256(path)
     return hashlib.sha256("".join(file_sha256(p) for p in parts(path)).encode()).hexdigest()
+
+
+def _results_of(path: Path) -> list[Path]:
+    """List the project, if it was named, and the headers and numbers of Bladed results, whichever of them was named."""
+    data = companions(path)[1:]
+    pairs = (p for d in data for p in (d.with_suffix(d.suffix.replace("$", "%")), d))
+    return [*([path] if path.suffix.lower() == ".$pj" else []), *pairs]
 
 
 def _read_parquet(path: Path, choose: Choose) -> Table:
@@ -236,17 +249,17 @@ def _time_heading(names: Sequence[str], roles: Roles, clock: str | None, source:
         return clock
     if "time_s" in bare:
         return find_heading("time_s", names, source)
-    ignored = _ignored_times(names, roles)
-    likely = [name for name in names if is_time_heading(name) and name not in ignored]
-    return likely[0] if len(likely) == 1 else None
-
-
-def _ignored_times(names: Sequence[str], roles: Roles) -> list[str]:
-    """List the time columns that a roles file with a sample time of its own gives the role `ignore`."""
-    if roles.sample_time_s is None:
-        return []
+    found = [name for name in names if is_time_heading(name)]
     ignored = {c.heading for c in roles.channels if c.role == "ignore"}
-    return [n for n in names if is_time_heading(n) and (n in ignored or split_heading(n)[0] in ignored)]
+    likely = [n for n in found if n not in ignored and split_heading(n)[0] not in ignored]
+    if len(likely) == 1 or roles.sample_time_s is not None:
+        return likely[0] if len(likely) == 1 else None
+    if len(found) > 1:
+        raise DataError(
+            f"{source}: {len(found)} columns may be the time, {listed(found, 4)}; set time = {found[0]!r} or another of"
+            " them under [recording] in the roles file"
+        )
+    return found[0] if found else None  # also of the role ignore: there is no sample time but in it
 
 
 def _unit(table: Table, heading: str) -> str | None:

@@ -13,6 +13,7 @@ from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Choose = Callable[[tuple[str, ...], str | None], tuple[str, ...]]
 """Given the headings a file holds and the one its format marks as time, say which of them are wanted."""
 
@@ -22,9 +23,10 @@ class Table:
     """Hold named columns of one length; a missing sample is NaN.
 
     names: every heading of the file, in its order; columns: the wanted ones, (N,) each; units: those the file
-    carries itself; time: the column the format itself marks as time; first_line: line of sample 1 in a text file;
-    begins: columns that were dates, now seconds since this instant (ISO 8601); clocks: seconds (n,) of columns that
-    have a clock of their own, whose length may differ from the others'.
+    carries itself; time: the column the format itself marks as time; first_line: line below the headings of a text
+    file; empty_lines: how many samples stand above empty lines of it, and how many empty ones up to there, rising,
+    (M, 2); begins: columns that were dates, now seconds since this instant (ISO 8601); clocks: seconds (n,) of columns
+    that have a clock of their own, whose length may differ from the others'.
     """
 
     source: str
@@ -35,6 +37,7 @@ class Table:
     first_line: int | None = None
     begins: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, Array] = field(default_factory=dict)
+    empty_lines: Integers = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     @property
     def samples(self) -> int:
@@ -43,8 +46,15 @@ class Table:
 
     def place(self, index: int) -> str:
         """Name the row `index` (from 0) for a message: samples count from 1, lines as an editor shows them."""
-        line = "" if self.first_line is None else f" (line {self.first_line + index})"
-        return f"sample {index + 1}{line}"
+        if self.first_line is None:
+            return f"sample {index + 1}"
+        return place_in_text(index, self.first_line, self.empty_lines)
+
+
+def place_in_text(index: int, first: int, empty: Integers) -> str:
+    """Name the row `index` (from 0) of a text table; first, empty: `first_line` and `empty_lines` of its Table."""
+    at = int(np.searchsorted(empty[:, 0], index, side="right"))
+    return f"sample {index + 1} (line {first + index + (int(empty[at - 1, 1]) if at else 0)})"
 
 
 def want_all(names: tuple[str, ...], clock: str | None) -> tuple[str, ...]:

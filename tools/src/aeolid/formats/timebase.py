@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aeolid.errors import DataError
+from aeolid.errors import DataError, UnevenClock
 from aeolid.formats.table import Array, Table
 
 log = logging.getLogger("aeolid.formats")
@@ -57,7 +57,7 @@ def uniform_grid(table: Table, time: Array | None, declared: float | None) -> Gr
         return Grid(0.0, declared, np.arange(rows))
     if rows == 1 and declared is None:
         raise DataError(f"{source}: one sample only, so no sample time follows; set sample_time_s in the roles file")
-    _require_running_clock(table, time)
+    require_running_clock(table, time)
     if rows == 1:
         assert declared is not None  # refused above
         return Grid(float(time[0]), declared, np.arange(1))
@@ -95,20 +95,31 @@ def _clock_tolerance(time: Array, total: int, declared: float) -> float:
     return declared * max(CLOCK_TOLERANCE, STEP_TOLERANCE / total)
 
 
-def _require_running_clock(table: Table, time: Array) -> None:
+def require_running_clock(
+    table: Table, time: Array, rows: np.ndarray[tuple[int], np.dtype[np.int64]] | None = None, channel: str = ""
+) -> None:
+    """Refuse a clock (n,) in which a time is missing, repeats or goes backwards.
+
+    rows (n,): the rows of the table that it is of, all where None; channel: whose samples alone are looked at.
+    """
+    of = f" in channel {channel!r}" if channel else ""
+    at = np.arange(len(time)) if rows is None else rows
     bad = np.flatnonzero(~np.isfinite(time))
     if len(bad):
         raise DataError(
-            f"{table.source}: time is missing at {table.place(int(bad[0]))} ({len(bad)} in all);"
+            f"{table.source}: time is missing at {table.place(int(at[bad[0]]))}{of} ({len(bad)} in all);"
             f" fill it in, or remove the time column and set sample_time_s"
         )
     stuck = np.flatnonzero(np.diff(time) <= 0)
     if len(stuck):
         k = int(stuck[0])
         what = "repeats" if time[k + 1] == time[k] else "goes backwards"
+        dated = any(begin and not begin.endswith("Z") for begin in table.begins.values())
+        zone = ", or write dates with their zone where summer time ends" if dated and what == "goes backwards" else ""
         raise DataError(
-            f"{table.source}: time {what} at {table.place(k + 1)}: {time[k]:.10g} s, then {time[k + 1]:.10g} s"
-            f" ({len(stuck)} such in all); remove the double rows or split the recording there"
+            f"{table.source}: time {what} at {table.place(int(at[k + 1]))}{of}: {time[k]:.10g} s, then"
+            f" {time[k + 1]:.10g} s ({len(stuck)} such in all); remove the double rows or split the recording"
+            f" there{zone}"
         )
 
 
@@ -118,7 +129,7 @@ def _count_steps(table: Table, time: Array, steps: Array, step: float) -> np.nda
     wrong = np.flatnonzero((counts < 1) | (np.abs(ratio - counts) > STEP_TOLERANCE))
     if len(wrong):
         k = int(wrong[0])
-        raise DataError(
+        raise UnevenClock(
             f"{table.source}: time is not uniform at {table.place(k + 1)}: a step of {steps[k]:.6g} s where the sample"
             f" time is {step:.6g} s ({len(wrong)} such in all); resample the recording to one clock, or let"
             " --resample do it"

@@ -37,8 +37,8 @@ def open_native(path: Path) -> Iterator[Any]:
     """Open a text file as `open_text` does, as a stream of Arrow's own that calls no Python while it is read.
 
     Arrow reads ahead on a thread of its own, and where that calls Python while the work has ended the process ends with
-    a signal. Packed data are unpacked once before, for their bound and their faults. Raises DataError as `open_text`
-    and reading from it do; where Arrow finds a fault that Python does not, reading raises OSError.
+    a signal. Packed data are to have been read to their end by `open_text` before, for their bound and their faults;
+    where Arrow finds a fault that Python does not, reading raises OSError.
     """
     import pyarrow as pa
 
@@ -49,7 +49,6 @@ def open_native(path: Path) -> Iterator[Any]:
         if path.name.endswith(PART_SUFFIX):
             file = opened.enter_context(file.get_stream(0, end_of_lines(path)))
         elif packed:
-            _require_sound(path)
             file = opened.enter_context(pa.CompressedInputStream(file, "gzip"))
         yield file
 
@@ -62,13 +61,6 @@ def open_unpacked(path: Path) -> Iterator[Any]:
     with open_text(path) as handle:
         content = handle.read()
     yield pa.BufferReader(content)
-
-
-def _require_sound(path: Path) -> None:
-    """Unpack a file to its end, for the DataError that this raises."""
-    with open_text(path) as handle:
-        while handle.read(MIB):
-            pass
 
 
 def bounded_lines(path: Path, handle: BinaryIO) -> Iterator[bytes]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.models.equations import Equations, InputFilter
 from aeolid.models.input_filters import CHANGING, HELD_LATE, KINDS, LIMITING, WHOLE
 from aeolid.models.intersample import PREFIX
 
@@ -16,7 +17,49 @@ _SHIFTING = (*HELD_LATE, "transport_delay")  # which let everything pass, later:
 _PARTS = 8  # of a piece, where what changes within a sample passes another filter: errors below 1 % of the input
 
 
-def behind_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> dict[int, Array]:
+class Filter(Protocol):
+    """What is asked of an input filter: its channel, its kind, and the names of its parameters."""
+
+    @property
+    def channel(self) -> str:
+        """Return the name of the input."""
+
+    @property
+    def kind(self) -> str:
+        """Return which of KINDS it is."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Return the names of the parameters, in the order of the kind's slots."""
+
+
+class Named(Protocol):
+    """What is asked of an input."""
+
+    @property
+    def name(self) -> str:
+        """Return its name."""
+
+
+class Filtering(Protocol):
+    """What is asked of a model: its inputs, the filters in front of them, and the place of each parameter."""
+
+    @property
+    def inputs(self) -> Sequence[Named]:
+        """Return the inputs."""
+
+    @property
+    def filters(self) -> tuple[Filter, ...]:
+        """Return the filters."""
+
+    def index(self, parameter: str) -> int:
+        """Return the place of a parameter in theta."""
+
+
+F = TypeVar("F", bound=Filter)
+
+
+def behind_filters(model: Filtering, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> dict[int, Array]:
     """Pass inputs (N, r) through what lies in front of the plant, in the order of the model's filters.
 
     A dead time, or a held command that is late or whose outputs are filtered, passes limits, plays and steps first, as
@@ -43,7 +86,7 @@ def behind_filters(model: Equations, u: Array, theta: Array, step: float, pieces
 
 
 @lru_cache(maxsize=256)
-def in_order(filters: tuple[InputFilter, ...]) -> tuple[InputFilter, ...]:
+def in_order(filters: tuple[F, ...]) -> tuple[F, ...]:
     """Return filters with those that only shift in time behind what is not linear; the rest stays in order."""
     late = tuple(f for f in filters if f.kind in _SHIFTING)
     if not late or not any(f.kind in LIMITING for f in filters):
@@ -54,7 +97,7 @@ def in_order(filters: tuple[InputFilter, ...]) -> tuple[InputFilter, ...]:
 
 
 @lru_cache(maxsize=256)
-def _divided(filters: tuple[InputFilter, ...]) -> tuple[str, ...]:
+def _divided(filters: tuple[Filter, ...]) -> tuple[str, ...]:
     """Return the channels whose held command changes within a sample before it passes a limit or another such filter.
 
     Not those that change between samples by themselves: their means are known a whole sample at a time.

@@ -47,7 +47,8 @@ def analyse(
         hertz = read_rotor_speed(rotor_speed)
     covariance = _covariance(model, told, weights, source)
     if covariance is not None and told.get("bands_hold") is False:
-        notes.append(f"WARNING: {shown(told.get('bands_reason'))}")
+        reason = told.get("bands_reason")
+        notes.append(f"WARNING: {reason if isinstance(reason, str) else 'the standard deviations do not hold'}")
     return floquet_of(
         model, hertz, at=held, harmonics=harmonics, multiples=times, covariance=covariance, notes=tuple(notes)
     )

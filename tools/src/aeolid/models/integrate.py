@@ -46,6 +46,21 @@ class Compiled:
         """Return the model's initial state (n + memories,), memories NaN; shared, not to be written into."""
         return self.model.x0
 
+    @property
+    def step_s(self) -> float:
+        """Return the sample time in discrete time, 0 in continuous time."""
+        return self.model.sample_time_s
+
+    @property
+    def order(self) -> int:
+        """Return the number of states, memories not among them."""
+        return len(self.model.states)
+
+    @property
+    def flow(self) -> int:
+        """Return where the function lies that gives the states' derivatives."""
+        return self.code.flow
+
     @cached_property
     def velocities(self) -> list[int]:
         """Return the places of the states v where some dq/dt = v."""

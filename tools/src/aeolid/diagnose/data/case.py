@@ -102,8 +102,8 @@ def load_case(
         records, baseline = _model(kind, path, records)
     same = data["baseline"].get("same_inputs", False)
     return Case(
-        str(head.get("title", folder.name)), records, kind, baseline, listed[0], file_sha256(path), context, folder,
-        same, more,
+        str(head.get("title", folder.name)), records, kind, baseline, listed[0],
+        baseline.sha256 if isinstance(baseline, Record) else file_sha256(path), context, folder, same, more,
     )  # fmt: skip
 
 
