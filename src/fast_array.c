@@ -29,6 +29,9 @@
 /* Of a saved E, a sum of at most 1e8 samples. */
 #define ENERGY_MAX AEO_REAL(1e33)
 
+/* Of what disturbances contribute to kappa, P times a disturbance: at most 1e14 with the bounds on both. */
+#define SHARE_MAX AEO_REAL(1e20)
+
 /* 1 + w'kappa is at least 1; rounding in an array that is well lies far below this. */
 #define NEWS_LEAST AEO_REAL(-0.1)
 
@@ -56,7 +59,7 @@ void aeo_fast_array_start(const aeo_fast_rls_t *self, aeo_fast_rls_array_t *arra
     memset(array->forward, 0, (size_t)(array->scalar + 3 - array->forward) * sizeof *array->forward);
     aeo_real_t oldest = self->regularisation; /* 1 / (lambda P) of the oldest block: rho / lambda^p */
     for (size_t i = 0; i < self->config.past; i++) {
-        oldest /= lambda; /* lambda^p >= 1/1000 */
+        oldest /= lambda; /* lambda^p >= 1/1000: p (1 - lambda) <= 3 and lambda >= 1/2 make it 1/64 at least */
     }
     aeo_real_t *diagonal = array->factor;
     for (size_t c = 0; c < m; c++) {
@@ -136,6 +139,28 @@ static void move_rows(const aeo_fast_rls_t *self, const aeo_fast_rls_array_t *ar
     aeo_linalg_move_rows(rows, a, self->step, n, m);
 }
 
+/* The first half of step_forward for the disturbances alone, with A and F as they are before it: kappa is linear in the
+ * window, so their share of it obeys the same recursion. */
+static int share_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    const size_t n = self->length, m = self->config.block;
+    aeo_real_t *const e = self->error;
+    if (self->disturbed == 0u) {
+        return 1;
+    }
+    if (!aeo_linalg_find_error(array->forward, self->added, n, self->added + n, e, m)) {
+        return 0;
+    }
+    aeo_triangle_project(array->factor, e, e + m, m);
+    if (!aeo_linalg_all_within(e + m, m, PROJECTION_MAX)) {
+        return 0;
+    }
+    aeo_triangle_expand(array->factor, e + m, e, m);
+    aeo_linalg_scale(AEO_REAL(1) / self->config.forgetting, e, array->share + n, m); /* lambda >= 1/2 */
+    aeo_rows_correct(array->forward, array->share + n, array->share, n, m, NULL, AEO_REAL(0));
+    return 1;
+}
+
 /* From kappa_{k-1} to [t; s], and A and F to sample k. */
 static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 {
@@ -160,6 +185,27 @@ static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     aeo_rows_correct(array->forward, array->gain + n, array->gain, n, m, NULL, AEO_REAL(0));
     move_rows(self, array, e, array->forward);
     return 1;
+}
+
+/* kappa = s + B't, moved down by m places, for kappa itself or a share of it; self->step is a copy. */
+static void close_gain(aeo_fast_rls_t *self, const aeo_fast_rls_array_t *array, aeo_real_t *gain)
+{
+    const size_t n = self->length, m = self->config.block;
+    /* scratch: on the stack it would lengthen the deepest chain of calls */
+    aeo_real_t *const sum = self->error + 2 * m;
+    aeo_linalg_scale(AEO_REAL(-1), gain, sum, m);
+    aeo_rows_correct(array->backward, sum, gain + m, n, m, NULL, AEO_REAL(0));
+    memcpy(self->step, gain + m, n * sizeof *self->step); /* old and new overlap */
+    memcpy(gain, self->step, n * sizeof *gain);
+}
+
+static int share_backward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    if (self->disturbed == 0u) {
+        return 1;
+    }
+    close_gain(self, array, array->share);
+    return aeo_linalg_all_within(array->share, self->length, SHARE_MAX);
 }
 
 /* The error r of the backward predictor and by how much it differs from the one that t foretells, with r corrected. An
@@ -187,12 +233,8 @@ static int find_backward_error(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array
 static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 {
     const size_t n = self->length, m = self->config.block;
-    /* scratch: on the stack it would lengthen the deepest chain of calls */
-    aeo_real_t *const sum = self->error + 2 * m;
-    aeo_linalg_scale(AEO_REAL(-1), array->gain, sum, m);
-    aeo_rows_correct(array->backward, sum, array->gain + m, n, m, NULL, AEO_REAL(0));
-    memcpy(self->step, array->gain + m, n * sizeof *self->step); /* down by m places: old and new overlap */
-    memcpy(array->gain, self->step, n * sizeof *self->step);
+    aeo_real_t *const sum = self->error + 2 * m; /* scratch, as above */
+    close_gain(self, array, array->gain);
     *sum = aeo_linalg_dot(array->gain, self->window + m, n);
     if (!aeo_linalg_all_within(sum, 1, NEWS_MAX) || *sum < NEWS_LEAST) {
         return 0;
@@ -232,15 +274,15 @@ static int step_backward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 int aeo_fast_array_step(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 {
     aeo_count_up(&array->age);
-    return step_forward(self, array) && find_backward_error(self, array) && find_gain(self, array) &&
-           step_backward(self, array);
+    return share_forward(self, array) && step_forward(self, array) && share_backward(self, array) &&
+           find_backward_error(self, array) && find_gain(self, array) && step_backward(self, array);
 }
 
 /* The gain kappa, too, for A moves by gamma kappa before anything of the new sample is judged. */
 int aeo_fast_array_is_sound(const aeo_fast_rls_t *self, const aeo_real_t *words)
 {
     const size_t n = self->length, m = self->config.block;
-    const aeo_real_t *const kappa = words + 2 * m * n, *factor = kappa + n + m;
+    const aeo_real_t *const kappa = words + 2 * m * n, *const share = kappa + n + m, *factor = share + n + m;
     const aeo_real_t *const scalar = factor + m * (m + 1) / 2 + m * m;
     if (!(scalar[INVERSE_GAMMA] >= AEO_REAL(1) && scalar[INVERSE_GAMMA] <= AEO_REAL(2) * NEWS_MAX)) {
         return 0;
@@ -253,7 +295,8 @@ int aeo_fast_array_is_sound(const aeo_fast_rls_t *self, const aeo_real_t *words)
     }
     return aeo_linalg_all_within(words, 2 * m * n, WEIGHT_MAX) &&
            aeo_linalg_all_within(kappa, n, AEO_REAL(2) * GAIN_MAX * scalar[INVERSE_GAMMA]) &&
-           aeo_linalg_all_within(kappa + n + m, m * (m + 1) / 2, FACTOR_MAX) &&
+           aeo_linalg_all_within(share, n, SHARE_MAX) &&
+           aeo_linalg_all_within(share + n + m, m * (m + 1) / 2, FACTOR_MAX) &&
            aeo_linalg_all_within(scalar - m * m, m * m, ENERGY_MAX) && scalar[DISAGREEMENT] >= AEO_REAL(0) &&
            scalar[ERROR_SIZE] >= AEO_REAL(0) && aeo_linalg_all_within(scalar + DISAGREEMENT, 2, AEO_REAL(2) * NEWS_MAX);
 }

@@ -18,8 +18,9 @@
 /* Let array begin with P_{-1}; what self->window holds until the next sample counts as zeros. */
 void aeo_fast_array_start(const aeo_fast_rls_t *self, aeo_fast_rls_array_t *array);
 
-/* Absorb self->window, moved on by one block; writes g into self->step. Returns 0 when the array has lost its way: it
- * must start afresh, and self->step holds nothing. */
+/* Absorb self->window, moved on by one block; writes g into self->step and, while self->disturbed is above 0, into
+ * array->share what the disturbances contribute to kappa. Returns 0 when the array has lost its way: it must start
+ * afresh, and self->step holds nothing. */
 int aeo_fast_array_step(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array);
 
 /* Return 1 when both backward errors disagree so far that a follower should warm up. */

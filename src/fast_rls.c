@@ -2,16 +2,16 @@
 #include "aeolid/fast_rls.h"
 
 #include "fast_array.h"
+#include "fast_theta.h"
 #include "linalg.h"
 #include "settings.h"
 
 #include <string.h>
 
 /* As in rls.c: samples are at most 1e6, and an innovation beyond AEO_LINALG_ERROR_MAX forces theta to start afresh
- * before it is used. A gain is at most 1e12 (fast_array.c), so theta moves by at most 1e24 an update, and theta z stays
- * below n 1e24 1e6 < 1.1e33 until the next judgement. */
+ * before it is used. A gain is at most 1e12 (fast_array.c, fast_theta.c), so theta moves by at most 2e24 an update, and
+ * theta z stays below n 2e24 1e6 < 2.1e33 until the next judgement. */
 #define KEPT_MAX            AEO_REAL(100) /* theta of scaled data stays below some tens */
-#define SHRINK_MIN          AEO_REAL(1e-3)
 #define REGULARISATION_RISE AEO_REAL(65536)
 
 /* q = n (1 - lambda). Up to STEADY an array lives until its errors disagree; above, for LIFE + TAIL / q memories,
@@ -34,6 +34,16 @@
 #define FEEDBACK_MAX  AEO_REAL(0.75)
 #define FEEDBACK_TAIL AEO_REAL(0.07)
 
+/* The largest q: 3, and what rounding makes of lambda. Innovations were those of rls.h times 1.05, 1.8, 9 and 1e7 at q = 3,
+ * 5, 7 and 10 (coloured data, 60,000 samples): arrays lose their way as fast as their followers warm up. */
+#define CROWDED_MAX AEO_REAL(3.0001)
+
+/* Theta is astray where the innovations' power passes that of the outputs, a millionth of their scale at least, so many
+ * times for so many memories more often than not: theta = 0 would do better by far. */
+#define ASTRAY_RATIO    AEO_REAL(100)
+#define ASTRAY_LEAST    AEO_REAL(1e-12)
+#define ASTRAY_MEMORIES AEO_REAL(2)
+
 static int sizes_hold(const aeo_fast_rls_config_t *config, size_t tail)
 {
     const unsigned m = config->block;
@@ -48,17 +58,11 @@ static aeo_status_t judge_config(const aeo_fast_rls_config_t *config, size_t tai
 {
     const aeo_status_t status =
         aeo_settings_judge_common(config->forgetting, config->regularisation, AEO_REAL(0), config->growth_max);
-    if (status != AEO_OK) {
-        return status;
+    if (status != AEO_OK || !sizes_hold(config, tail)) {
+        return status != AEO_OK ? status : AEO_E_ARG;
     }
-    if (!sizes_hold(config, tail)) {
-        return AEO_E_ARG;
-    }
-    aeo_real_t shrink = AEO_REAL(1);
-    for (unsigned i = 0; i < config->past; i++) {
-        shrink *= config->forgetting;
-    }
-    return shrink >= SHRINK_MIN ? AEO_OK : AEO_E_ARG;
+    const aeo_real_t n = (aeo_real_t)AEO_FAST_RLS_LENGTH(config->past, config->block, tail);
+    return n * (AEO_REAL(1) - config->forgetting) <= CROWDED_MAX ? AEO_OK : AEO_E_ARG;
 }
 
 /* A length of time as a number of samples. In float none is above 86 memories of 1.7e7 samples; in double a memory may
@@ -75,6 +79,7 @@ static void fill_schedule(aeo_fast_rls_t *self)
     self->life = UINT32_MAX;
     self->wait = 4u * self->length;
     self->warm = 50u * self->length; /* where nothing is forgotten */
+    self->patience = self->warm;
     if (rate * (aeo_real_t)self->wait > AEO_REAL(0.1)) {
         self->wait = to_samples(AEO_REAL(0.1) / rate);
     }
@@ -87,6 +92,7 @@ static void fill_schedule(aeo_fast_rls_t *self)
             self->life = to_samples((life - warm) / rate);
         }
         self->warm = to_samples(warm / rate) + 2u * self->config.past;
+        self->patience = to_samples(ASTRAY_MEMORIES / rate) + 2u * self->config.past;
     }
 }
 
@@ -98,14 +104,16 @@ static void place(aeo_fast_rls_t *self, aeo_real_t *memory)
         array->forward = memory;
         array->backward = array->forward + m * n;
         array->gain = array->backward + m * n;
-        array->factor = array->gain + n + m;
+        array->share = array->gain + n + m;
+        array->factor = array->share + n + m;
         array->energy = array->factor + m * (m + 1) / 2;
         array->scalar = array->energy + m * m;
         memory = array->scalar + 3;
     }
     self->theta = memory;
     self->window = self->theta + n * l;
-    self->innovation = self->window + m + n;
+    self->added = self->window + m + n;
+    self->innovation = self->added + m + n;
     self->residual = self->innovation + l;
     self->watched = self->residual + l;
     self->step = self->watched + AEO_WATCH_WORDS(l);
@@ -154,7 +162,8 @@ static void judge_theta(aeo_fast_rls_t *self)
 /* Forget the window and both arrays; the first array is ready for the next sample. */
 static void start_arrays(aeo_fast_rls_t *self)
 {
-    memset(self->window, 0, ((size_t)self->length + self->config.block) * sizeof *self->window);
+    memset(self->window, 0, (size_t)(self->innovation - self->window) * sizeof *self->window);
+    self->disturbed = 0;
     aeo_fast_array_start(self, &self->array[0]);
     aeo_fast_array_start(self, &self->array[1]);
     self->active = 0;
@@ -170,31 +179,11 @@ void aeo_fast_rls_reset(aeo_fast_rls_t *self)
     const size_t words = (size_t)(self->error - self->array[0].forward) + 3u * self->config.block;
     memset(self->array[0].forward, 0, words * sizeof *self->theta);
     self->hold = 0;
+    self->astray = 0;
     self->random = 1;
     self->regularisation = self->config.regularisation;
     aeo_watch_start(&self->watch, self->watched, self->config.outputs);
     start_arrays(self);
-}
-
-/* z in the order of w: channels of the mask first in each block, so that the tail of z is where the block of the
- * present sample begins. When the mask holds the first channels, or none, that is z itself. */
-static int is_plain(uint32_t mask)
-{
-    return (mask & (mask + 1u)) == 0u;
-}
-
-/* Copy from (n values) to another array, from the order of z to that of w or back. */
-static void arrange(const aeo_fast_rls_t *self, const aeo_real_t *from, aeo_real_t *to, int back)
-{
-    const size_t m = self->config.block, past = (size_t)self->config.past * m;
-    memcpy(to, from, self->length * sizeof *to); /* the tail has its order already */
-    for (size_t block = 0; block < past; block += m) {
-        size_t marked = block, other = block + self->tail;
-        for (size_t c = 0; c < m; c++) {
-            const size_t at = c < 32u && (self->config.feedthrough >> c & 1u) != 0u ? marked++ : other++;
-            to[back ? block + c : at] = from[back ? at : block + c];
-        }
-    }
 }
 
 /* The disturbance's sign: xorshift, period 2^32 - 1. */
@@ -248,6 +237,29 @@ static uint32_t find_hold(const aeo_fast_rls_t *self, uint32_t age)
     return self->wait < age / 2u ? self->wait : age / 2u;
 }
 
+/* Move count numbers down by m places: old and new overlap. */
+static void move_down(aeo_fast_rls_t *self, aeo_real_t *x)
+{
+    memcpy(self->step, x + self->config.block, self->length * sizeof *x);
+    memcpy(x, self->step, self->length * sizeof *x);
+}
+
+/* Disturb channel c of the newest block, which the window already holds. */
+static void disturb(aeo_fast_rls_t *self, size_t c)
+{
+    const size_t n = self->length;
+    const aeo_real_t before = self->window[n + c];
+    if (self->disturbed == 0u) { /* nothing was in the window, whatever is left in these */
+        memset(self->array[0].share, 0, n * sizeof *self->theta);
+        memset(self->array[1].share, 0, n * sizeof *self->theta);
+    }
+    self->window[n + c] += draw_disturbance(self);
+    self->added[n + c] = self->window[n + c] - before; /* as rounding leaves it */
+    self->disturbed = self->config.past + 2u;
+    aeo_count_up(&self->count.bounded);
+    self->health |= AEO_FAST_RLS_BOUNDED;
+}
+
 /* Move the window on by one block. w is z in the order of w. */
 static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
 {
@@ -263,17 +275,19 @@ static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
     if (self->filled == 0u) { /* the watch has taken z; of it a new array absorbs what enters the window now */
         aeo_watch_forget(&self->watch, self->watched, aeo_linalg_dot(w + (n - m), w + (n - m), m));
     }
-    memcpy(self->step, self->window + m, n * sizeof *w); /* down by m places: old and new overlap */
-    memcpy(self->window, self->step, n * sizeof *w);
+    move_down(self, self->window);
     memcpy(self->window + n, w + (n - m), m * sizeof *w);
+    if (self->disturbed > 0u) {
+        self->disturbed--;
+        move_down(self, self->added);
+        memset(self->added + n, 0, m * sizeof *w);
+    }
     if (self->filled <= self->config.past) {
         self->filled++;
     }
     for (size_t c = 0; c < m && self->config.forgetting < AEO_REAL(1); c++) {
         if (aeo_fast_array_variance(self, &self->array[self->active], c) > self->variance_max) {
-            self->window[n + c] += draw_disturbance(self);
-            aeo_count_up(&self->count.bounded);
-            self->health |= AEO_FAST_RLS_BOUNDED;
+            disturb(self, c);
         }
     }
     return fit;
@@ -283,20 +297,6 @@ static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
 static int find_innovation(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     return aeo_linalg_find_error(self->theta, z, self->length, y, self->innovation, self->config.outputs);
-}
-
-/* theta += innovation g'. The residual is y - theta z for z as given, of which w may be a disturbed copy. */
-static void learn(aeo_fast_rls_t *self, const aeo_real_t *z)
-{
-    const size_t n = self->length, l = self->config.outputs;
-    const aeo_real_t *gain = self->step;
-    if (!is_plain(self->config.feedthrough)) {
-        arrange(self, self->step, self->update, 1);
-        gain = self->update;
-    }
-    const aeo_real_t left = AEO_REAL(1) - aeo_linalg_dot(gain, z, n);
-    aeo_linalg_move_rows(self->theta, self->innovation, gain, n, l);
-    aeo_linalg_scale(left, self->innovation, self->residual, l);
 }
 
 /* The array in charge has lost its way: its follower takes over when it has absorbed a quarter of what makes it warm,
@@ -343,12 +343,7 @@ static void feed_follower(aeo_fast_rls_t *self)
 /* One sample through window and arrays; z is judged and the innovation found. */
 static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
 {
-    const aeo_real_t *w = z;
-    if (!is_plain(self->config.feedthrough)) {
-        arrange(self, z, self->update, 0);
-        w = self->update;
-    }
-    const fit_t fit = move_window(self, w);
+    const fit_t fit = move_window(self, aeo_fast_theta_order(self, z, 0));
     memcpy(self->residual, self->innovation, self->config.outputs * sizeof *self->residual);
     if (!aeo_fast_array_step(self, &self->array[self->active])) {
         replace_array(self);
@@ -356,13 +351,25 @@ static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
         self->health |= AEO_FAST_RLS_REINITIALISED;
         return;
     }
-    if (fit == CONTINUES && self->hold == 0u) {
-        learn(self, z);
-    } else {
+    if (fit != CONTINUES || self->hold > 0u || !aeo_fast_theta_learn(self, z)) {
         self->hold -= self->hold > 0u ? 1u : 0u;
         aeo_count_up(&self->count.held);
     }
     feed_follower(self);
+}
+
+/* Return 1 when the innovations have been far larger than the outputs for long: more often than not, for a single
+ * reading, or an output that passes through 0, says nothing. */
+static int is_astray(aeo_fast_rls_t *self, const aeo_real_t *y)
+{
+    const size_t l = self->config.outputs;
+    const aeo_real_t power = aeo_linalg_dot(self->innovation, self->innovation, l); /* at most 32 1e24 */
+    if (power > ASTRAY_RATIO * (aeo_linalg_dot(y, y, l) + ASTRAY_LEAST)) {
+        self->astray++;
+    } else {
+        self->astray -= self->astray > 0u ? 1u : 0u;
+    }
+    return self->astray > self->patience;
 }
 
 /* Let both arrays start afresh when they hold too much for the data of late; theta waits until their window is whole.
@@ -390,7 +397,7 @@ aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, cons
     if (status != AEO_OK) {
         return status;
     }
-    if (!find_innovation(self, z, y)) {
+    if (!find_innovation(self, z, y) || is_astray(self, y)) {
         aeo_fast_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_FAST_RLS_REINITIALISED;

@@ -9,7 +9,18 @@
 
 /* Places of the numbers saved: those that lie side by side from random to watch, the arrays' ages, how often rho has
  * risen. */
-enum { RANDOM, FILLED, ACTIVE, WATCH = 13, AGES = WATCH + 5, RISES = AGES + 2, NUMBERS, SIZES = 5 };
+enum {
+    RANDOM,
+    FILLED,
+    ACTIVE,
+    DISTURBED = 13,
+    ASTRAY,
+    WATCH = 15,
+    AGES = WATCH + 5,
+    RISES = AGES + 2,
+    NUMBERS,
+    SIZES = 5
+};
 
 #define RISES_MAX 4u /* REGULARISATION_RISE of fast_rls.c is 16^4 */
 
@@ -32,8 +43,8 @@ static size_t count_kept(const aeo_fast_rls_t *self)
 }
 
 /* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; random, filled, active, health,
- * counters, hold, watch, ages, rises of rho; then arrays, theta, window, innovation, residual and the watch's words as they lie in
- * memory (saved.h). */
+ * counters, hold, disturbed, astray, watch, ages, rises of rho; then arrays, theta, window, disturbances, innovation,
+ * residual and the watch's words as they lie in memory (saved.h). */
 static void describe(const aeo_fast_rls_t *self, uint16_t sizes[SIZES], aeo_saved_form_t *form)
 {
     sizes[0] = self->config.past;
@@ -76,7 +87,9 @@ static int words_hold(const aeo_fast_rls_t *self, const aeo_real_t *words)
     const aeo_real_t *const window = words + 2 * array + n * self->config.outputs;
     return aeo_fast_array_is_sound(self, words) && aeo_fast_array_is_sound(self, words + array) &&
            aeo_linalg_all_within(window, n + m, AEO_REAL(1.1e6)) &&
-           aeo_linalg_all_within(window + n + m, self->config.outputs, AEO_REAL(1e12));
+           /* rounding may make up to twice as much of a disturbance */
+           aeo_linalg_all_within(window + n + m, n + m, AEO_REAL(2) * self->disturbance) &&
+           aeo_linalg_all_within(window + 2 * (n + m), self->config.outputs, AEO_REAL(1e12));
 }
 
 /* words lie as self's memory does */
@@ -85,7 +98,8 @@ static int numbers_hold(const aeo_fast_rls_t *self, const uint32_t numbers[NUMBE
     aeo_watch_t watch;
     memcpy(&watch, numbers + WATCH, sizeof watch);
     return numbers[RANDOM] != 0u && numbers[FILLED] <= self->config.past + 1u && numbers[ACTIVE] <= 1u &&
-           numbers[RISES] <= RISES_MAX &&
+           numbers[RISES] <= RISES_MAX && numbers[DISTURBED] <= self->config.past + 2u &&
+           numbers[ASTRAY] <= self->patience &&
            aeo_watch_holds(&watch, words + (self->watched - self->array[0].forward), self->config.outputs);
 }
 
@@ -127,7 +141,7 @@ int aeo_fast_rls_invariants_hold(const aeo_fast_rls_t *self)
     const size_t m = self->config.block, n = self->length;
     const aeo_real_t *const words = self->array[0].forward;
     return numbers_hold(self, numbers, words) &&
-           self->residual == self->theta + (n * self->config.outputs + n + m + self->config.outputs) &&
+           self->residual == self->theta + (n * self->config.outputs + 2 * (n + m) + self->config.outputs) &&
            aeo_linalg_all_finite(words, count_kept(self)) && words_hold(self, words);
 }
 /* SPDX-License-Identifier: MIT */

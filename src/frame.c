@@ -152,15 +152,16 @@ static int belongs_here(const layout_t *layout, const aeo_address_t *address, co
     const uint32_t offset = frame->id - address->base; /* wraps far above the limit when the id is below the base */
     const unsigned kind = offset / layout->kind_step;
     const unsigned length = frame->length;
+    const int long_form = (frame->flags & AEO_CAN_FD) != 0u;
     if ((frame->flags & AEO_CAN_EXTENDED) != extended || frame->id >= layout->id_limit || kind >= AEO_KIND_LIMIT ||
         offset % layout->kind_step >= layout->node_limit) {
         return 0;
     }
     if (is_fd(kind)) {
-        return (frame->flags & AEO_CAN_FD) != 0u && (length == 12u || length == 16u || length == 20u || length == 24u ||
-                                                     length == 32u || length == 48u || length == 64u);
+        return long_form && (length == 12u || length == 16u || length == 20u || length == 24u || length == 32u ||
+                             length == 48u || length == 64u);
     }
-    return is_classic(kind) && length == CLASSIC_BYTES;
+    return is_classic(kind) && !long_form && length == CLASSIC_BYTES;
 }
 
 /* Check and, on CAN FD, a count whose shortest frame this is. */

@@ -14,6 +14,16 @@ void aeo_triangle_project(const aeo_real_t *factor, const aeo_real_t *z, aeo_rea
     }
 }
 
+void aeo_triangle_expand(const aeo_real_t *factor, const aeo_real_t *a, aeo_real_t *z, size_t n)
+{
+    memset(z, 0, n * sizeof *z);
+    for (size_t j = 0; j < n; j++) {
+        for (size_t i = j; i < n; i++) {
+            z[i] += *factor++ * a[j];
+        }
+    }
+}
+
 /* Rotate the pivot column into a column of the factor: with b the pivot column kept unnormalised (g alpha), which saves
  * a multiplication a term over the textbook rotation,
  *     b_new = b + a s,   s_new = c s - k b,   c = scale (alpha / alpha_new)^(1/2),   k = c a / alpha. */

@@ -9,6 +9,7 @@
 #include "aeolid/config.h"
 
 #ifdef AEO_REAL_DOUBLE
+#define aeo_triangle_expand  aeo_triangle_expand_f64
 #define aeo_triangle_project aeo_triangle_project_f64
 #define aeo_triangle_rotate  aeo_triangle_rotate_f64
 #define aeo_triangle_start   aeo_triangle_start_f64
@@ -17,6 +18,9 @@
 
 /* projection = S'z (n values, written). */
 void aeo_triangle_project(const aeo_real_t *factor, const aeo_real_t *z, aeo_real_t *projection, size_t n);
+
+/* z = S a (n values, written). */
+void aeo_triangle_expand(const aeo_real_t *factor, const aeo_real_t *a, aeo_real_t *z, size_t n);
 
 /* Absorb one measurement whose projection is a = S'z: n plane rotations turn [alpha^(1/2), a'; 0, S] into
  * [alpha_new^(1/2), 0; g alpha_new^(1/2), S_new] and S becomes scale S_new. gain (n values, written) = S a, which is

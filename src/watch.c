@@ -14,11 +14,18 @@
 #define RATE        AEO_REAL(0.125)
 #define RATE_QUIET  (AEO_REAL(0.125) / AEO_REAL(64))
 #define RATE_MAX    AEO_REAL(0.25) /* so that 1 - 2 r stays above 0 */
-#define FIRST       2u
-#define BLOCK_MIN   16u
-#define BLOCK_MAX   (UINT32_C(1) << 26) /* 32 outputs of each still count within 32 bits */
-#define MOVED_SHARE 10u
-#define HELD_MAX    AEO_REAL(100)
+/* An r that 1 + r would lose, less than 32 rounding errors, moves levels at one sample in RARE, by RARE times as much: it
+ * is 2^-9 roundings of 1 at least, so that is 4 at least and 1/64 at most. Samples are drawn by the golden ratio's share
+ * of their number: evenly spaced ones would see a periodic output in one phase alone. */
+#define RATE_LEAST   (AEO_REAL(32) * AEO_REAL_EPSILON)
+#define RARE         4096
+#define RARE_SHIFT   20u /* 2^32 / 2^20 = RARE */
+#define GOLDEN_RATIO UINT32_C(0x9E3779B9)
+#define FIRST        2u
+#define BLOCK_MIN    16u
+#define BLOCK_MAX    (UINT32_C(1) << 26) /* 32 outputs of each still count within 32 bits */
+#define MOVED_SHARE  10u
+#define HELD_MAX     AEO_REAL(100)
 /* Powers are at most 1024 1e12, and held at most 2^27 of them with forgetting; withheld samples may add for ever, and
  * half of the largest float is out of their reach. */
 #define HELD_LIMIT AEO_REAL(1e38)
@@ -49,6 +56,9 @@ void aeo_watch_start(aeo_watch_t *self, aeo_real_t *words, size_t outputs)
 /* Count the outputs' steps that passed their levels, and move those by r up or 2 r down. */
 static void follow_outputs(aeo_watch_t *self, aeo_real_t *level, size_t outputs, const aeo_real_t *y, aeo_real_t r)
 {
+    if (r < RATE_LEAST) {
+        r *= (self->age * GOLDEN_RATIO & UINT32_C(0xFFFFFFFF)) >> RARE_SHIFT == 0u ? AEO_REAL(RARE) : AEO_REAL(0);
+    }
     const aeo_real_t up = AEO_REAL(1) + r, down = AEO_REAL(1) - AEO_REAL(2) * r;
     for (size_t i = 0; i < outputs; i++) {
         aeo_real_t *const last = level + outputs;

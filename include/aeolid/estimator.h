@@ -9,7 +9,7 @@
  * CONTRACT
  *   Memory: AEO_ESTIMATOR_RLS_WORDS(r, l, p, e, d) words of aeo_real_t from the caller and the like for the other
  *   methods, d inputs in the feedthrough mask, e = 1 for VARMAX. r=2, l=3, p=10, d=0: rls 1,866 words (7.5 kB in float),
- *   els with e=1 4,140 words. The structure holds the state of any filter: 640 bytes (64-bit pointers; double 712).
+ *   els with e=1 4,140 words. The structure holds the state of any filter: 656 bytes (64-bit pointers; double 720).
  *   Operations: those of the regressor's push and of the filter's update. Worst stack: 56 bytes beyond the filter's.
  *   Determinism, long runs: as regressor and filter.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent.

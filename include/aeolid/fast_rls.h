@@ -28,9 +28,14 @@
  *     afresh before the first one's life ends, and takes over once it is warm; so it does at any q when the first one's
  *     two errors disagree. theta is never touched: only the gain changes hands.
  *   3 Bound: a channel whose newest entry the past foretells so well that its variance passes growth_max / rho enters
- *     with a disturbance of +-((1 - lambda) rho / growth_max)^(1/2) of its own. The innovation is formed without it, so
- *     it biases nothing: it is the bound of rls.h in a form that keeps the shift. No excitation gate: with a lambda
- *     that changes, P_k and P_{k-1} are no longer shifts of each other.
+ *     with a disturbance of +-((1 - lambda) rho / growth_max)^(1/2) of its own, so that w = z + d. A and B absorb w,
+ *     which is the bound of rls.h in a form that keeps the shift; theta does not. kappa is linear in the window: the
+ *     recursion for d beside that for w gives P d, and theta absorbs z, with y, and d, with 0, as two measurements:
+ *         theta <- theta + (y - theta z) (P z)' / (lambda + z'P z),   theta <- theta - theta d (P d)' / (lambda + d'P d).
+ *     the second for an error theta d no larger than the innovation. So noise of y does not move theta along d, where P
+ *     is large (it would drift there as the root of time), what the data do not tell of theta returns to 0 within some
+ *     memories, and data without noise are met to rounding. No excitation gate: with a lambda that changes, P_k
+ *     and P_{k-1} are no longer shifts of each other.
  *   4 Rests: in float, what rounding cuts off the sums of A and B is kept, in the memory of the second array while that
  *     one is at rest, and added the next time. In VARMAX the window foretells the newest e but for what theta moves, and
  *     these sums made theta 20 times worse than that of rls.h in float. -ffast-math undoes it.
@@ -40,13 +45,16 @@
  *     until the window is whole, unless they are zeros. In directions that the data excite little, theta comes to that
  *     of rls.h only as the arrays forget this start (turbine data of condition 1e4: 1e-2 after 8 memories, 1e-4 after
  *     12).
+ *   7 Astray: innovations whose power is above 100 times that of the outputs for two memories, more often than not, are
+ *     those of a theta that is worse than none: all starts afresh (AEO_FAST_RLS_REINITIALISED).
  *
  * CONTRACT
  *   Memory: AEO_FAST_RLS_WORDS(p, m, d, l) words of aeo_real_t from the caller:
- *   n (4m + l + 5) + 3m^2 + 7m + 4l + 8.
- *   p=10, m=5, d=0, l=3: 1,530 words (6.1 kB in float); p=50, m=5, d=0, l=3: 7,130 words (28.5 kB).
+ *   n (4m + l + 8) + 3m^2 + 10m + 4l + 8.
+ *   p=10, m=5, d=0, l=3: 1,695 words (6.8 kB in float); p=50, m=5, d=0, l=3: 7,895 words (31.6 kB).
  *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample; in float 6 m n
- *   additions more for the rests; or 6 m n of both more while a second array warms up. Worst stack: 220 bytes.
+ *   additions more for the rests; or 6 m n of both more while a second array warms up; half as many again, and 3 l n,
+ *   while a disturbance is in the window. Worst stack: 228 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. Read-outs
  *   between two updates are consistent.
@@ -85,35 +93,37 @@ extern "C" {
 /* Words of one array, of memory, and of a saved filter, for p blocks of m entries, d present inputs and l outputs. */
 #define AEO_FAST_RLS_LENGTH(p, m, d) ((size_t)(p) * (size_t)(m) + (size_t)(d))
 #define AEO_FAST_RLS_ARRAY_WORDS(p, m, d)                                                                              \
-    (AEO_FAST_RLS_LENGTH(p, m, d) * (2u * (size_t)(m) + 1u) + (size_t)(m) + (size_t)(m) * ((size_t)(m) + 1u) / 2u +    \
-     (size_t)(m) * (size_t)(m) + 3u)
+    (AEO_FAST_RLS_LENGTH(p, m, d) * (2u * (size_t)(m) + 2u) + 2u * (size_t)(m) +                                       \
+     (size_t)(m) * ((size_t)(m) + 1u) / 2u + (size_t)(m) * (size_t)(m) + 3u)
 #define AEO_FAST_RLS_KEPT_WORDS(p, m, d, l)                                                                            \
-    (2u * AEO_FAST_RLS_ARRAY_WORDS(p, m, d) + AEO_FAST_RLS_LENGTH(p, m, d) * ((size_t)(l) + 1u) + (size_t)(m) +        \
+    (2u * AEO_FAST_RLS_ARRAY_WORDS(p, m, d) + AEO_FAST_RLS_LENGTH(p, m, d) * ((size_t)(l) + 2u) + 2u * (size_t)(m) +   \
      2u * (size_t)(l) + AEO_WATCH_WORDS(l))
 #define AEO_FAST_RLS_WORDS(p, m, d, l)                                                                                 \
     (AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + 2u * AEO_FAST_RLS_LENGTH(p, m, d) + 3u * (size_t)(m))
-#define AEO_FAST_RLS_SAVED_HEAD 52u
+#define AEO_FAST_RLS_SAVED_HEAD 56u
 #define AEO_FAST_RLS_SAVED_WORDS(p, m, d, l)                                                                           \
     (AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_FAST_RLS_SAVED_VERSION 4
+#define AEO_FAST_RLS_SAVED_VERSION 5
 
 /* Health flags; once set they stay until aeo_fast_rls_clear_health. Bits 2 and 4 mean what they mean in rls.h. */
 #define AEO_FAST_RLS_BOUNDED       2u   /* a variance met its bound: some direction is not excited */
-#define AEO_FAST_RLS_REINITIALISED 4u   /* an array lost its way or theta ran away, and started afresh */
+#define AEO_FAST_RLS_REINITIALISED 4u   /* an array lost its way or theta ran away or astray, and started afresh */
 #define AEO_FAST_RLS_RESTARTED     16u  /* z was not the last one moved by a block: window and arrays started afresh */
 #define AEO_FAST_RLS_RELEASED      128u /* arrays held too much for good data to count, as a fault leaves them */
 
 typedef struct {
-    uint16_t past;         /* p, blocks in z, 1 ... 1024; p m + d at most 1024 */
-    uint16_t block;        /* m, entries of a block, 1 ... 96: r + l for VARX, r + 2 l for VARMAX */
-    uint16_t outputs;      /* l, 1 ... 32 */
-    uint32_t feedthrough;  /* bit i: entry i of the present block ends z; bits below m only. As in regressor.h */
-    aeo_real_t forgetting; /* lambda, 0.5 ... 1 and lambda^p at least 1/1000; memory is 1 / (1 - lambda) samples. Below
-                                  1 - 1 / (5 n) a sample costs up to twice as much (renewal); with memories shorter than
-                                  n, float is only roughly the RLS of rls.h. 1 is for records up to 1e5 samples.
-                                  Start: 1 - 1 / (10 n) */
+    uint16_t past;        /* p, blocks in z, 1 ... 1024; p m + d at most 1024 */
+    uint16_t block;       /* m, entries of a block, 1 ... 96: r + l for VARX, r + 2 l for VARMAX */
+    uint16_t outputs;     /* l, 1 ... 32 */
+    uint32_t feedthrough; /* bit i: entry i of the present block ends z; bits below m only. As in regressor.h */
+    aeo_real_t
+        forgetting; /* lambda, 0.5 ... 1 and q = n (1 - lambda) at most 3: memory is 1 / (1 - lambda) samples, and
+                                  with one shorter than a third of n arrays lose their way as fast as they warm up.
+                                  Below 1 - 1 / (5 n) a sample costs up to twice as much (renewal); with memories
+                                  shorter than n, float is only roughly the RLS of rls.h. 1 is for records up to 1e5
+                                  samples. Start: 1 - 1 / (10 n) */
     aeo_real_t regularisation; /* rho, 1e-8 ... 1e8, as in rls.h, of the newest block. Too small: in float arrays lose
                                   their way at the start, and start again with 16 times as much; too large: bias.
                                   Start: 1 with scaled channels */
@@ -128,7 +138,7 @@ typedef struct {
     uint32_t updates;       /* samples absorbed */
     uint32_t rejected;      /* updates refused with AEO_E_NOT_FINITE or AEO_E_RANGE */
     uint32_t bounded;       /* newest entries disturbed by the bound */
-    uint32_t reinitialised; /* fresh starts forced by an array that lost its way or a runaway parameter */
+    uint32_t reinitialised; /* fresh starts forced by an array that lost its way or a theta that ran away or astray */
     uint32_t restarted;     /* windows that were no shift of the one before */
     uint32_t renewed;       /* second arrays that took over */
     uint32_t held;          /* samples at which theta waited for an array to warm up */
@@ -140,6 +150,7 @@ typedef struct {
     aeo_real_t *forward;  /* m x n by rows: A, or, at rest, what rounding cut off that of the other array */
     aeo_real_t *backward; /* m x n by rows: B, the same */
     aeo_real_t *gain;     /* n + m: kappa, then m entries of scratch */
+    aeo_real_t *share;    /* n + m: what disturbances contribute to kappa, then m entries of scratch */
     aeo_real_t *factor;   /* m (m + 1) / 2: lower triangular S by columns, F^{-1} = S S'; diagonal above 0 */
     aeo_real_t *energy;   /* m x m: E */
     aeo_real_t *scalar;   /* 3: 1 / gamma; mean square disagreement of the two backward errors; mean square error */
@@ -154,6 +165,7 @@ typedef struct {
     aeo_fast_rls_config_t config;
     aeo_real_t *theta;      /* l x n by rows, in the order of z */
     aeo_real_t *window;     /* m + n: [x; w], channels of the mask first in each block */
+    aeo_real_t *added;      /* m + n: the disturbances in the window */
     aeo_real_t *innovation; /* l */
     aeo_real_t *residual;   /* l */
     aeo_real_t *watched;    /* 2 l + 2: words of the watch */
@@ -163,12 +175,15 @@ typedef struct {
     uint32_t life;          /* samples after which an array's follower starts; UINT32_MAX: only when needed */
     uint32_t warm;          /* samples an array absorbs before it takes over */
     uint32_t wait;          /* most samples theta waits after a break */
+    uint32_t patience;      /* astray beyond this means a fresh start */
     uint32_t random;        /* state of the disturbance's signs, never 0 */
     uint32_t filled;        /* samples the window holds, up to p + 1 */
     uint32_t active;        /* which array makes the gain, 0 or 1 */
     uint32_t health;
     aeo_fast_rls_count_t count;
-    uint32_t hold; /* samples theta waits still */
+    uint32_t hold;      /* samples theta waits still */
+    uint32_t disturbed; /* samples until no disturbance is in the window, 0: none is */
+    uint32_t astray;    /* samples of innovations far above the outputs, less those of others */
     aeo_watch_t watch;
     aeo_fast_rls_array_t array[2];
     aeo_real_t inverse_root_forgetting;

@@ -91,18 +91,25 @@ extern "C" {
 
 /* Worst load of the bus by this node in thousandths, rounded up: a sample of sample_bits every sample_every, a snapshot
  * of snapshot_bits every snapshot_every, health every health_every and `description` frames every describe_every
- * sample times (all above 0). bits_per_s bounds the load whatever this says; where this says more than the share,
- * snapshots take longer than snapshot_every and counters.busy counts. A constant expression:
+ * sample times (all above 0). 2^32 - 1 stands for that and more. bits_per_s bounds the load whatever this says; where
+ * this says more than the share, snapshots take longer than snapshot_every and counters.busy counts. A constant
+ * expression:
  *   typedef char bus_has_room[AEO_STREAM_LOAD(500000, 100000, AEO_STREAM_SAMPLE_BITS(5, 0, 1), 1,
  *                             AEO_STREAM_SNAPSHOT_BITS(450, 25), 100, 10, 77, 100) <= 50 ? 1 : -1]; */
 #define AEO_STREAM_LOAD(bit_rate, sample_us, sample_bits, sample_every, snapshot_bits, snapshot_every, health_every,   \
                         description, describe_every)                                                                   \
-    ((uint32_t)(((1000000ull * (sample_bits) / (sample_every) + 1000000ull * (snapshot_bits) / (snapshot_every) +      \
-                  1000000ull * AEO_FRAME_BITS_EXTENDED / (health_every) +                                              \
-                  1000000ull * AEO_FRAME_BITS_EXTENDED * (description) / (describe_every)) /                           \
-                     (sample_us)*1000ull +                                                                             \
-                 (bit_rate)-1u) /                                                                                      \
-                (bit_rate)))
+    AEO_STREAM_HELD(AEO_STREAM_OVER(AEO_STREAM_SHARES(sample_bits, sample_every) +                                     \
+                                        AEO_STREAM_SHARES(snapshot_bits, snapshot_every) +                             \
+                                        AEO_STREAM_SHARES(AEO_FRAME_BITS_EXTENDED, health_every) +                     \
+                                        AEO_STREAM_SHARES(AEO_FRAME_BITS_EXTENDED * (description), describe_every),    \
+                                    1ull * (sample_us) * (bit_rate)))
+
+/* The quotient rounded up; bits every so many sample times in 1e-9 bits a sample time, 1e9 = 1e6 us/s times 1000; what
+ * 32 bits hold of a load. The four parts, each rounded up, are less than 4 above their sum, which the quotient by
+ * sample_us bit_rate (2e5 and more) makes less than 2e-5 thousandths. A snapshot has at most 2.2e7 bits: no overflow. */
+#define AEO_STREAM_OVER(sum, by)       (((sum) + (by)-1u) / (by))
+#define AEO_STREAM_SHARES(bits, every) AEO_STREAM_OVER(1000000000ull * (bits), (every))
+#define AEO_STREAM_HELD(load)          ((uint32_t)((load) < 0xFFFFFFFFull ? (load) : 0xFFFFFFFFull))
 
 /* Bits a second for so many thousandths of a bus: AEO_STREAM_SHARE(500000, 50) = 25000. */
 #define AEO_STREAM_SHARE(bits_per_s, permille) ((uint32_t)(bits_per_s) / 1000u * (uint32_t)(permille))

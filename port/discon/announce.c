@@ -91,9 +91,10 @@ void announce_end(const observer_t *observer, int whole)
     const aeo_regressor_count_t *count = &observer->estimator.regressor.count;
     const aeo_stream_counters_t *sent = &observer->stream.counters;
     line_t line = {"", 0};
-    add(&line, "aeolid-discon: turbine %u: %s: %u samples filtered, %u refused (%u beyond min or max); ",
+    add(&line, "aeolid-discon: turbine %u: %s: %u samples filtered, %u refused (%u beyond min or max%s); ",
         observer->turbine, whole ? "end" : "no last call came, the stream has no end", (unsigned)count->samples,
-        (unsigned)(count->not_finite + count->range + count->time), (unsigned)count->range);
+        (unsigned)(count->not_finite + count->range + count->time), (unsigned)count->range,
+        count->range > 0u ? ", where not given offset - 100 scale and offset + 100 scale" : "");
     add(&line, "%u frames sent, %u lost; %u snapshots", (unsigned)sent->sent, (unsigned)sent->dropped,
         (unsigned)sent->snapshots);
     if (observer->watch.told_channels > 0u) {

@@ -2,6 +2,7 @@
 
 #include "announce.h"
 
+#include "../common/filter_refusal.h"
 #include "../common/method_names.h"
 
 #include <math.h>
@@ -124,19 +125,14 @@ static int start_filter(observer_t *self, unsigned turbine, char *why, size_t ro
     const size_t parameters = regressors * s->taps[ROLE_OUTPUT];
     aeo_real_t *memory;
     aeo_status_t result;
-    if (regressors > AEO_REGRESSOR_LENGTH_MAX) {
-        return fail(self, "past: the window has more than 1024 entries; choose a shorter one", why, room);
+    if (regressors <= AEO_REGRESSOR_LENGTH_MAX) { /* longer ones are refused, and may be more than there is */
+        self->memory = calloc(words + AEO_STREAM_WORDS(parameters), sizeof(aeo_real_t));
     }
-    self->memory = calloc(words + AEO_STREAM_WORDS(parameters), sizeof(aeo_real_t));
     memory = self->memory;
-    if (memory == NULL) {
-        return fail(self, "filter: out of memory; choose a shorter past or fewer channels", why, room);
-    }
-    if (aeo_estimator_init(&self->estimator, method, &config, memory, words) != AEO_OK) {
-        return fail(self,
-                    "filter: past, scale, offset, sample time, forget or regularize out of range (regressor.h, the "
-                    "filter's header)",
-                    why, room);
+    if (memory == NULL || aeo_estimator_init(&self->estimator, method, &config, memory, words) != AEO_OK) {
+        char refused[FILTER_REFUSAL_MAX + 8u] = "filter: ";
+        filter_refusal_explain(refused + strlen(refused), (unsigned)s->method, &config, memory, words);
+        return fail(self, refused, why, room);
     }
     result = start_stream(self, turbine, (uint32_t)parameters, (uint32_t *)(void *)(memory + words));
     if (result == AEO_E_BUDGET) {

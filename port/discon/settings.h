@@ -6,12 +6,13 @@
  *
  *     controller = PATH     the controller's library
  *     symbol = NAME         its procedure, default DISCON
- *     input = CHANNEL ...   what drives the turbine; one line a channel, at least one
+ *     input = CHANNEL ...   what drives the turbine; one line a channel. Without any the filter is an autoregression
  *     output = CHANNEL ...  what answers; at least one
  *     scheduling = CHANNEL ...  sent along, not filtered
  *         CHANNEL is a name of records.c, or record:NUMBER followed by `name NAME unit UNIT`; then in any order
  *         `scale S` (needed for input and output: about the standard deviation), `offset O` (0: about the mean),
- *         `min V`, `max V` (samples outside are not filtered), `name NAME`, `unit UNIT`
+ *         `min V`, `max V` (offset - 100 scale, offset + 100 scale; a sample with a channel outside is not filtered),
+ *         `name NAME`, `unit UNIT`; each once
  *     records = N           length of the simulator's array, default 84; needed for channels beyond
  *     decimation = K        filter every K-th call, default 1
  *     past = P              past window of the filter
@@ -31,8 +32,9 @@
  *     seed = N
  *
  * CONTRACT
- *   Memory: the structure. Reads at most SETTINGS_TEXT_MAX characters; never allocates; refuses unknown and repeated
- *   keys. Not for two threads on one structure.
+ *   Memory: the structure. Reads at most SETTINGS_TEXT_MAX characters; never allocates; refuses unknown keys, sections
+ *   and words, and repeated ones, but for input, output and scheduling, of which each names another channel. Not for
+ *   two threads on one structure.
  */
 #ifndef AEOLID_DISCON_SETTINGS_H
 #define AEOLID_DISCON_SETTINGS_H

@@ -3,16 +3,22 @@
 #include <stdio.h>
 #include <string.h>
 
-#define LARGEST 1e30
+#define LARGEST   1e30
+#define PLAUSIBLE 100.0F /* standard deviations */
 
 unsigned settings_taps(const settings_t *self)
 {
     return self->taps[ROLE_INPUT] + self->taps[ROLE_OUTPUT] + self->taps[ROLE_SCHEDULING];
 }
 
-/* What the options of a line may leave out. */
+/* The words of a line, each with its value. */
+enum { SCALE, OFFSET, MINIMUM, MAXIMUM, NAME, UNIT, OPTIONS };
+static const char *const options[OPTIONS] = {"scale", "offset", "min", "max", "name", "unit"};
+
+/* What a line says of its channel. */
 typedef struct {
-    int has_scale, has_name, has_unit, has_minimum, has_maximum;
+    int has[OPTIONS]; /* 1: the word stands there */
+    int known;        /* 1: name and unit are those of the table, unless the line has others */
 } given_t;
 
 static int find_tap(const settings_t *self, const char *name)
@@ -35,7 +41,7 @@ static int read_source(const text_t *text, const char *key, const char *word, ta
         tap->record = entry->record;
         (void)snprintf(tap->name, sizeof tap->name, "%s", entry->name);
         (void)snprintf(tap->unit, sizeof tap->unit, "%s", entry->unit);
-        given->has_name = given->has_unit = 1;
+        given->known = 1;
         return 0;
     }
     if (strncmp(word, "record:", 7) != 0) {
@@ -61,43 +67,67 @@ static int read_float(const text_t *text, const char *word, const char *value, d
 
 static int read_option(const text_t *text, const char *word, const char *value, tap_t *tap, given_t *given)
 {
-    if (strcmp(word, "scale") == 0) {
-        given->has_scale = 1;
+    unsigned option = 0;
+    while (option < OPTIONS && strcmp(word, options[option]) != 0) {
+        option++;
+    }
+    if (option == OPTIONS) {
+        return text_refuse(text, word, value, "scale, offset, min, max, name or unit, each with its value, is needed");
+    }
+    if (given->has[option]) {
+        return text_refuse(text, word, value, "stands in this line twice; remove one of them");
+    }
+    given->has[option] = 1;
+    switch (option) {
+    case SCALE:
         return read_float(text, word, value, 1e-30, &tap->scale);
-    }
-    if (strcmp(word, "offset") == 0) {
+    case OFFSET:
         return read_float(text, word, value, -LARGEST, &tap->offset);
-    }
-    if (strcmp(word, "min") == 0) {
-        given->has_minimum = 1;
+    case MINIMUM:
         return read_float(text, word, value, -LARGEST, &tap->minimum);
-    }
-    if (strcmp(word, "max") == 0) {
-        given->has_maximum = 1;
+    case MAXIMUM:
         return read_float(text, word, value, -LARGEST, &tap->maximum);
-    }
-    if (strcmp(word, "name") == 0) {
-        given->has_name = 1;
+    case NAME:
         return text_copy(text, word, value, tap->name, sizeof tap->name);
-    }
-    if (strcmp(word, "unit") == 0) {
-        given->has_unit = 1;
+    default:
         return text_copy(text, word, value, tap->unit, sizeof tap->unit);
     }
-    return text_refuse(text, word, value, "scale, offset, min, max, name or unit, each with its value, is needed");
+}
+
+/* Where no range is given: beyond a hundred standard deviations a number is a sensor's fault and not a sample. */
+static void set_range(tap_t *tap, const given_t *given)
+{
+    if (given->has[SCALE] && !given->has[MINIMUM]) {
+        tap->minimum = tap->offset - PLAUSIBLE * tap->scale; /* offset and scale are at most LARGEST: no overflow */
+    }
+    if (given->has[SCALE] && !given->has[MAXIMUM]) {
+        tap->maximum = tap->offset + PLAUSIBLE * tap->scale;
+    }
+}
+
+static int check_range(const text_t *text, const char *key, const tap_t *tap, const given_t *given)
+{
+    char needed[256];
+    if (tap->minimum < tap->maximum) {
+        return 0;
+    }
+    (void)snprintf(needed, sizeof needed, "min below max is needed; min is %.7g%s and max %.7g%s", (double)tap->minimum,
+                   given->has[MINIMUM] ? "" : " (not given: offset - 100 scale)", (double)tap->maximum,
+                   given->has[MAXIMUM] ? "" : " (not given: offset + 100 scale)");
+    return text_refuse(text, key, tap->name, needed);
 }
 
 /* Say what is missing or cannot be. */
 static int check(const settings_t *self, const text_t *text, const char *key, const tap_t *tap, const given_t *given)
 {
-    if (!given->has_name || !given->has_unit) {
+    if (!given->known && !(given->has[NAME] && given->has[UNIT])) {
         return text_refuse(text, key, "record", "`name NAME` and `unit UNIT` are needed after a record's number");
     }
-    if (tap->role != ROLE_SCHEDULING && !given->has_scale) {
+    if (tap->role != ROLE_SCHEDULING && !given->has[SCALE]) {
         return text_refuse(text, key, tap->name, "`scale S` is needed, about the channel's standard deviation");
     }
-    if (given->has_minimum && given->has_maximum && !(tap->minimum < tap->maximum)) {
-        return text_refuse(text, key, tap->name, "min below max is needed");
+    if (check_range(text, key, tap, given) != 0) {
+        return -1;
     }
     if (find_tap(self, tap->name)) {
         return text_refuse(text, key, tap->name,
@@ -118,17 +148,6 @@ static void insert(settings_t *self, const tap_t *tap)
     memmove(&self->tap[at + 1u], &self->tap[at], (settings_taps(self) - at) * sizeof *tap);
     self->tap[at] = *tap;
     self->taps[tap->role]++;
-}
-
-/* Where no range is given: beyond a hundred standard deviations a number is a sensor's fault and not a sample. */
-static void set_range(tap_t *tap, const given_t *given)
-{
-    if (given->has_scale && !given->has_minimum) {
-        tap->minimum = tap->offset - 100.0F * tap->scale; /* offset and scale are at most LARGEST: no overflow */
-    }
-    if (given->has_scale && !given->has_maximum) {
-        tap->maximum = tap->offset + 100.0F * tap->scale;
-    }
 }
 
 static tap_t make_tap(tap_role_t role)
@@ -160,10 +179,10 @@ int channel_add(settings_t *self, const text_t *text, tap_role_t role, const cha
             return -1;
         }
     }
+    set_range(&tap, &given);
     if (check(self, text, key, &tap, &given) != 0) {
         return -1;
     }
-    set_range(&tap, &given);
     insert(self, &tap);
     return 0;
 }

@@ -7,6 +7,7 @@
  * 3.
  * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
  */
+#include "../common/filter_refusal.h"
 #include "../common/method_names.h"
 #include "node_bus.h"
 #include "node_options.h"
@@ -61,30 +62,13 @@ static int fail(const char *what, const char *why)
 
 /* ---- set-up ------------------------------------------------------------------------------------------------------ */
 
-/* Beyond so many standard deviations a number is a sensor's fault and not a sample. A channel that is not scaled, offset
- * 0 and scale 1, has no such range. */
-#define PLAUSIBLE 100.0
-
-static void fill_ranges(node_t *self)
-{
-    node_options_t *o = &self->options;
-    for (unsigned i = 0; i < (unsigned)o->inputs + o->outputs; i++) {
-        aeo_channel_t *const channel = &o->channel[i];
-        const double middle = (double)channel->offset, wide = (double)channel->scale;
-        if (middle < 0 || middle > 0 || wide < 1 || wide > 1) {
-            channel->minimum = (aeo_real_t)(middle - PLAUSIBLE * wide);
-            channel->maximum = (aeo_real_t)(middle + PLAUSIBLE * wide);
-        }
-    }
-}
-
 static int init_estimator(node_t *self)
 {
     const node_options_t *o = &self->options;
     const aeo_estimator_method_t method = method_of((unsigned)o->method);
     aeo_estimator_config_t config;
+    aeo_real_t *memory;
     size_t words;
-    fill_ranges(self);
     memset(&config, 0, sizeof config);
     config.inputs = o->inputs;
     config.outputs = o->outputs;
@@ -102,10 +86,11 @@ static int init_estimator(node_t *self)
     config.forgetting_rate = AEO_REAL(0.99);
     config.guard_ratio = AEO_REAL(4.0);
     words = aeo_estimator_words(method, &config);
-    if (aeo_estimator_init(&self->estimator, method, &config, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
-        return fail("filter",
-                    "inputs, outputs, past window, feedthrough mask, forgetting or regularisation out of range "
-                    "(regressor.h, the filter's header)");
+    memory = calloc(words, sizeof *memory);
+    if (memory == NULL || aeo_estimator_init(&self->estimator, method, &config, memory, words) != AEO_OK) {
+        char refused[FILTER_REFUSAL_MAX];
+        filter_refusal_explain(refused, (unsigned)o->method, &config, memory, words);
+        return fail("filter", refused);
     }
     return 0;
 }

@@ -13,16 +13,33 @@ static int refuse(const char *option, const char *value, const char *needed)
     return -1;
 }
 
-static int read_number(const char *option, const char *text, double low, double high, double *value)
+static int read_number(const char *option, const char *text, double low, double high, int whole, double *value)
 {
     char *end;
-    char needed[64];
+    char needed[80];
     const double number = strtod(text, &end);
-    if (end == text || *end != '\0' || !(number >= low && number <= high)) {
-        (void)snprintf(needed, sizeof needed, "a number %g ... %g", low, high);
+    if (end == text || *end != '\0' || !(number >= low && number <= high) || (whole && number > floor(number))) {
+        (void)snprintf(needed, sizeof needed, "a %snumber %.10g ... %.10g", whole ? "whole " : "", low, high);
         return refuse(option, text, needed);
     }
     *value = number;
+    return 0;
+}
+
+/* Beyond so many standard deviations a number is a sensor's fault and not a sample. A channel that is not scaled, offset
+ * 0 and scale 1, has no such range. */
+#define PLAUSIBLE 100.0
+
+/* Fill in scale and range; 0 done, -1: the range has no width in the numbers of the filter. */
+static int fill_channel(aeo_channel_t *channel, double offset, double scale)
+{
+    channel->offset = (aeo_real_t)offset;
+    channel->scale = (aeo_real_t)scale;
+    if (offset < 0 || offset > 0 || scale < 1 || scale > 1) {
+        channel->minimum = (aeo_real_t)(offset - PLAUSIBLE * scale);
+        channel->maximum = (aeo_real_t)(offset + PLAUSIBLE * scale);
+        return channel->minimum < channel->maximum ? 0 : -1;
+    }
     return 0;
 }
 
@@ -36,14 +53,16 @@ static int read_channel(node_options_t *self, char **argv, int is_input)
     if (self->inputs + self->outputs >= AEO_STREAM_CHANNELS_MAX) {
         return refuse(argv[0], argv[1], "at most 64 channels");
     }
-    if (read_number(argv[0], argv[3], -1e30, 1e30, &offset) || read_number(argv[0], argv[4], 1e-30, 1e30, &scale)) {
+    if (read_number(argv[0], argv[3], -1e30, 1e30, 0, &offset) ||
+        read_number(argv[0], argv[4], 1e-30, 1e30, 0, &scale)) {
         return -1;
     }
     channel = &self->channel[self->inputs + self->outputs];
     channel->name = argv[1];
     channel->unit = argv[2];
-    channel->offset = (aeo_real_t)offset;
-    channel->scale = (aeo_real_t)scale;
+    if (fill_channel(channel, offset, scale) != 0) {
+        return refuse(argv[0], argv[1], "a scale that single precision shows beside the offset");
+    }
     if (is_input) {
         self->inputs++;
     } else {
@@ -64,7 +83,7 @@ static int read_bus(node_options_t *self, const char *text)
         self->terminal = 1;
         return 0;
     }
-    if (strncmp(text, "tcp:", 4) != 0 || read_number("--bus", text + 4, 0, 65535, &port)) {
+    if (strncmp(text, "tcp:", 4) != 0 || read_number("--bus", text + 4, 0, 65535, 1, &port)) {
         return refuse("--bus", text, "pty or tcp:PORT or can:INTERFACE");
     }
     self->terminal = 0;
@@ -84,13 +103,14 @@ static int read_speed(node_options_t *self, const char *text)
         self->speed = 0;
         return 0;
     }
-    return read_number("--speed", text, 1e-3, 1e6, &self->speed);
+    return read_number("--speed", text, 1e-3, 1e6, 0, &self->speed);
 }
 
 typedef struct {
     const char *name;
     double low, high;
-    double value;
+    int whole;    /* 1: a number without a fraction */
+    double value; /* the default; 0 where the option is needed or the default another's */
 } setting_t;
 
 enum {
@@ -143,7 +163,7 @@ static int read_setting(node_options_t *self, setting_t *setting, size_t count, 
     size_t i;
     for (i = 0; i < count; i++) {
         if (strcmp(argv[0], setting[i].name) == 0) {
-            return read_number(argv[0], argv[1], setting[i].low, setting[i].high, &setting[i].value);
+            return read_number(argv[0], argv[1], setting[i].low, setting[i].high, setting[i].whole, &setting[i].value);
         }
     }
     if (strcmp(argv[0], "--method") == 0) {
@@ -186,20 +206,20 @@ static int read_switch(node_options_t *self, const char *option)
 int node_options_read(node_options_t *self, int argc, char **argv)
 {
     setting_t setting[] = {
-        {"--sample-time", 2e-5, 1000.0, 0.0},
-        {"--past", 1, 1023, 0},
-        {"--forget", 0.5, 1.0, 0.0},
-        {"--regularize", 1e-8, 1e8, 0.1},
-        {"--feedthrough", 0, 4294967295.0, 0},
-        {"--bit-rate", 10000, 8e6, 500000},
-        {"--share", 0, 100, 5},
-        {"--node-id", 0, 253, 1},
-        {"--snapshot-every", 0, 1e9, 10},
-        {"--sample-every", 0, 65535, 1},
-        {"--repair", 0, 100, 25},
-        {"--varx-samples", 16, AEO_ELS_VARX_SAMPLES_MAX, 0},
-        {"--fd-ratio", 1, 16, 1},
-        {"--base", 0, 536870911.0, AEO_FRAME_BASE_EXTENDED},
+        {"--sample-time", 2e-5, 1000.0, 0, 0.0},
+        {"--past", 1, 1023, 1, 0},
+        {"--forget", 0.5, 1.0, 0, 0.0},
+        {"--regularize", 1e-8, 1e8, 0, 0.1},
+        {"--feedthrough", 0, 4294967295.0, 1, 0},
+        {"--bit-rate", 10000, 8e6, 1, 500000},
+        {"--share", 0, 100, 0, 5},
+        {"--node-id", 0, 253, 1, 1},
+        {"--snapshot-every", 0, 1e9, 0, 10},
+        {"--sample-every", 0, 65535, 1, 1},
+        {"--repair", 0, 100, 1, 25},
+        {"--varx-samples", 16, AEO_ELS_VARX_SAMPLES_MAX, 1, 0},
+        {"--fd-ratio", 1, 16, 1, 1},
+        {"--base", 0, 536870911.0, 1, AEO_FRAME_BASE_EXTENDED},
     };
     int at = 1, result;
     memset(self, 0, sizeof *self);

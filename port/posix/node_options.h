@@ -4,7 +4,9 @@
  *   [options]
  *
  *   --input, --output   one a channel, in the order of the samples; OFFSET and SCALE as in regressor.h. Without --input
- *                       the filter is an autoregression of the outputs
+ *                       the filter is an autoregression of the outputs. A sample with a channel outside OFFSET - 100
+ *                       SCALE ... OFFSET + 100 SCALE is not filtered, and counted as "range" in the health line; OFFSET
+ *                       0 with SCALE 1 has no such range
  *   --sample-time S     seconds between two samples
  *   --past P            past window
  *   --method NAME       rls, els, fast-rls or lattice, default rls
@@ -30,6 +32,8 @@
  *   --fd                send CAN FD frames
  *   --fd-ratio N        data bit rate over nominal bit rate, default 1
  *   --dump FILE         write the last theta (l x n, binary32, little endian) after the last snapshot
+ *
+ *   P, N, MASK, B, K and the PERCENT of --repair are whole numbers.
  */
 #ifndef AEOLID_POSIX_NODE_OPTIONS_H
 #define AEOLID_POSIX_NODE_OPTIONS_H

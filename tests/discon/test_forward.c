@@ -368,7 +368,8 @@ static void test_own_failures_do_not_stop_the_turbine(void)
     assert_goes_on("bus = file:.\n", "bus");
     assert_goes_on("bus = can:nosuch0\n", "nosuch0");
     assert_goes_on("bus = none\nshare = 0.001\n", "share");
-    assert_goes_on("bus = none\npast = 342\n", "1024 entries");
+    assert_goes_on("bus = none\npast = 342\n", "filter: past = 342: ");
+    assert_goes_on("bus = none\npast = 30\nmethod = lattice\nforget = 0.5\n", "filter: forget = 0.5: ");
     assert_goes_on("bus = none\n[pitch excitation]\nsignal = prbs\nform = tilt\namplitude = 0.01\nrate = 1\nstart = 0\n"
                    "stop = 1\nminimum = 0\nmaximum = 1\n",
                    "record 28");

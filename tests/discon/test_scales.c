@@ -80,7 +80,7 @@ static void test_what_is_told_can_be_pasted(void)
                     deviation = deviations[i % 3u] < mean / 1e6F ? mean / 1e6F : deviations[i % 3u];
         char again[1024], pasted[64];
         const char *found;
-        begin(FILE_OF("output = tower_fore_aft offset 1e9 scale 1e-6\n"), 0.1);
+        begin(FILE_OF("output = tower_fore_aft offset 1e6 scale 0.01\n"), 0.1);
         for (unsigned k = 0; k < 600u; k++) {
             const float value[3] = {4e4F + (float)k, 122.0F + (float)(k % 9u),
                                     mean + (k % 2u == 0u ? deviation : -deviation)};
@@ -232,6 +232,11 @@ static void test_the_first_and_the_last_call_say_a_line_each(void)
     TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, "/said.log\n"), said);
     TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, ": end: 301 samples filtered, 0 refused (0 beyond min or max); "), said);
     TEST_ASSERT_NULL_MESSAGE(strstr(said, "to look at"), said);
+    said = say(STDOUT_FILENO, "bus = none\noutput = rotor_speed offset 122 scale 0.5\n", 30.0);
+    TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said,
+                                        ": end: 0 samples filtered, 301 refused (301 beyond min or max, where not "
+                                        "given offset - 100 scale and offset + 100 scale); "),
+                                 said);
     said = say(STDOUT_FILENO, "bus = tcp:0\n", 1.0);
     TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, "aeolid listen --bus slcan:socket://127.0.0.1:"), said);
 }
@@ -248,6 +253,20 @@ static void test_a_poor_scale_is_told_on_standard_error_once(void)
     TEST_ASSERT_EQUAL_UINT_MESSAGE(0, count_lines(said), said);
 }
 
+/* What the filter refuses is told by the setting that it refuses, and the controller goes on. */
+static void test_a_refused_filter_is_told_with_its_cause(void)
+{
+    const char *said = say(STDERR_FILENO, "bus = none\npast = 30\nmethod = fast-rls\nforget = 0.6\n", 1.0);
+    TEST_ASSERT_EQUAL_UINT_MESSAGE(1, count_lines(said), said);
+    TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, "turbine 1: filter: forget = 0.6: a memory of 2.5 samples is shorter"),
+                                 said);
+    TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, "fast-rls needs for 90 regressors"), said);
+    TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, "or take rls or lattice; nothing is filtered or streamed"), said);
+    said = say(STDERR_FILENO, "bus = none\npast = 342\n", 1.0);
+    TEST_ASSERT_NOT_NULL_MESSAGE(strstr(said, "filter: past = 342: with 1 inputs and 2 outputs it must be 1 ... 341;"),
+                                 said);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -261,6 +280,7 @@ int main(void)
     RUN_TEST(test_a_short_run_is_judged_at_its_end);
     RUN_TEST(test_the_first_and_the_last_call_say_a_line_each);
     RUN_TEST(test_a_poor_scale_is_told_on_standard_error_once);
+    RUN_TEST(test_a_refused_filter_is_told_with_its_cause);
     return UNITY_END();
 }
 /* SPDX-License-Identifier: MIT */

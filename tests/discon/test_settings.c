@@ -80,6 +80,30 @@ static void test_outputs_alone_are_enough(void)
                                     "feedthrough = tower_fore_aft\n"));
 }
 
+/* settings.h: offset -+ 100 scale where an end of the range is not given, none without a scale. */
+static void test_the_range_that_is_not_given(void)
+{
+    static const struct {
+        const char *line;
+        float minimum, maximum;
+    } cases[] = {
+        {"output = wind offset 10 scale 0.5\n", -40.0F, 60.0F},
+        {"output = wind scale 0.5\n", -50.0F, 50.0F},
+        {"output = wind offset 10 scale 0.5 min 0\n", 0.0F, 60.0F},
+        {"output = wind max 7 scale 1\n", -100.0F, 7.0F},
+        {"output = wind max 7 scale 1 min -7\n", -7.0F, 7.0F},
+        {"scheduling = wind\n", -3e38F, 3e38F},
+        {"scheduling = wind min 5\n", 5.0F, 3e38F},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[512];
+        (void)snprintf(text, sizeof text, GOOD "%s", cases[i].line);
+        TEST_ASSERT_EQUAL_INT_MESSAGE(0, parse(text), why);
+        TEST_ASSERT_EQUAL_FLOAT(cases[i].minimum, settings.tap[2].minimum);
+        TEST_ASSERT_EQUAL_FLOAT(cases[i].maximum, settings.tap[2].maximum);
+    }
+}
+
 static void test_the_example_is_understood(void)
 {
     TEST_ASSERT_EQUAL_INT_MESSAGE(0, settings_read(&settings, EXAMPLE, why), why);
@@ -135,7 +159,19 @@ static const bad_t bad[] = {
     {GOOD "input = wind scale -1\n", "line 6: scale = -1", "a number"},
     {GOOD "input = wind scale\n", "line 6: input = scale", "a value"},
     {GOOD "input = wind scale 1 colour red\n", "line 6: colour", "scale, offset"},
-    {GOOD "input = wind scale 1 min 5 max 5\n", "line 6: input = wind", "min below max"},
+    {GOOD "input = wind scale 1 min 5 max 5\n", "line 6: input = wind", "min is 5 and max 5"},
+    {GOOD "output = wind scale 0.3 max -40\n", "line 6: output = wind",
+     "min is -30 (not given: offset - 100 scale) and max -40"},
+    {GOOD "output = wind offset 0 scale 0.5 min 100\n", "line 6: output = wind",
+     "min is 100 and max 50 (not given: offset + 100 scale)"},
+    {GOOD "output = wind offset 1e9 scale 1e-6\n", "line 6: output = wind", "min below max"},
+    {GOOD "scheduling = wind min 5 max 5\n", "line 6: scheduling = wind", "min below max"},
+    {GOOD "output = wind scale 0.3 scale 7\n", "line 6: scale = 7", "twice"},
+    {GOOD "output = wind scale 1 offset 1 offset 1\n", "line 6: offset = 1", "twice"},
+    {GOOD "output = wind scale 1 min 1 min 2\n", "line 6: min = 2", "twice"},
+    {GOOD "output = wind max 9 scale 1 max 8\n", "line 6: max = 8", "twice"},
+    {GOOD "output = wind name a scale 1 name b\n", "line 6: name = b", "twice"},
+    {GOOD "output = wind unit a scale 1 unit b\n", "line 6: unit = b", "twice"},
     {GOOD "input = wind scale 1 name 123456789012345678901234567890123\n", "line 6: name", "characters"},
     {"bus = tcp\n", "line 1: bus = tcp", "tcp:PORT"},
     {"bus = tcp:65536\n", "line 1: bus", "65535"},
@@ -245,7 +281,7 @@ static void check_promises(int result)
         TEST_ASSERT_TRUE(strlen(why) > 10u && strchr(why, '\n') == NULL);
         return;
     }
-    TEST_ASSERT_TRUE(settings.taps[ROLE_INPUT] >= 1u && settings.taps[ROLE_OUTPUT] >= 1u);
+    TEST_ASSERT_TRUE(settings.taps[ROLE_OUTPUT] >= 1u);
     TEST_ASSERT_TRUE(settings_taps(&settings) <= SETTINGS_CHANNELS_MAX);
     TEST_ASSERT_TRUE(settings.decimation >= 1u && settings.past >= 1u && settings.records >= RECORDS_LEAST);
     for (unsigned i = 0; i < settings_taps(&settings); i++) {
@@ -315,6 +351,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(test_a_full_file_is_understood);
     RUN_TEST(test_outputs_alone_are_enough);
+    RUN_TEST(test_the_range_that_is_not_given);
     RUN_TEST(test_the_example_is_understood);
     RUN_TEST(test_every_name_of_the_table_is_a_channel);
     RUN_TEST(test_every_mistake_is_named_with_its_place_and_remedy);

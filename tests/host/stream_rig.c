@@ -28,7 +28,10 @@ int rig_finish(rig_t *self);
 int rig_pending(const rig_t *self);
 void rig_counters(const rig_t *self, uint32_t *counters);
 void rig_free(rig_t *self);
-uint32_t rig_longest(uint32_t length, uint32_t ratio);
+uint32_t rig_longest(uint32_t length, uint32_t ratio, uint32_t extended);
+uint32_t rig_load_of(uint32_t bit_rate, uint32_t sample_us, uint32_t sample_bits, uint32_t sample_every,
+                     uint32_t snapshot_bits, uint32_t snapshot_every, uint32_t health_every, uint32_t description,
+                     uint32_t describe_every);
 uint32_t rig_load(uint32_t bit_rate, uint32_t sample_us, uint32_t channels, uint32_t innovations, uint32_t parameters,
                   uint32_t repair_percent, uint32_t snapshot_every, uint32_t health_every, uint32_t description,
                   uint32_t describe_every, uint32_t fd, uint32_t ratio);
@@ -168,10 +171,22 @@ void rig_free(rig_t *self)
     free(self);
 }
 
-/* The formulas of frame.h and stream.h, for 29 bit identifiers. */
-uint32_t rig_longest(uint32_t length, uint32_t ratio)
+/* The formulas of frame.h and stream.h. */
+uint32_t rig_longest(uint32_t length, uint32_t ratio, uint32_t extended)
 {
-    return length > 8u ? AEO_FRAME_FD_BITS_EXTENDED(length, ratio) : AEO_FRAME_BITS_EXTENDED;
+    const int fd = length > 8u;
+    if (extended != 0u) {
+        return fd ? AEO_FRAME_FD_BITS_EXTENDED(length, ratio) : AEO_FRAME_BITS_EXTENDED;
+    }
+    return fd ? AEO_FRAME_FD_BITS_STANDARD(length, ratio) : AEO_FRAME_BITS_STANDARD;
+}
+
+uint32_t rig_load_of(uint32_t bit_rate, uint32_t sample_us, uint32_t sample_bits, uint32_t sample_every,
+                     uint32_t snapshot_bits, uint32_t snapshot_every, uint32_t health_every, uint32_t description,
+                     uint32_t describe_every)
+{
+    return AEO_STREAM_LOAD(bit_rate, sample_us, sample_bits, sample_every, snapshot_bits, snapshot_every, health_every,
+                           description, describe_every);
 }
 
 uint32_t rig_load(uint32_t bit_rate, uint32_t sample_us, uint32_t channels, uint32_t innovations, uint32_t parameters,
@@ -182,6 +197,6 @@ uint32_t rig_load(uint32_t bit_rate, uint32_t sample_us, uint32_t channels, uint
                                           : AEO_STREAM_SAMPLE_BITS(channels, innovations, 1);
     const uint32_t snapshot_bits = fd != 0u ? AEO_STREAM_SNAPSHOT_BITS_FD(parameters, repair_percent, ratio)
                                             : AEO_STREAM_SNAPSHOT_BITS(parameters, repair_percent);
-    return AEO_STREAM_LOAD(bit_rate, sample_us, sample_bits, 1, snapshot_bits, snapshot_every, health_every,
-                           description, describe_every);
+    return rig_load_of(bit_rate, sample_us, sample_bits, 1, snapshot_bits, snapshot_every, health_every, description,
+                       describe_every);
 }

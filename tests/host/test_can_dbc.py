@@ -313,6 +313,22 @@ def test_frames_keep_their_order_in_a_batch(library: Any) -> None:
     assert decoded.damaged_at.tolist() == damaged and decoded.foreign == foreign
 
 
+def test_the_other_form_of_a_frame_is_foreign(library: Any) -> None:
+    """A classic kind in a CAN FD frame, and the other way round, is another system's: neither read nor damaged.
+
+    The frames are those of the library, with the flag of their form turned over; as they were all of them are read.
+    """
+    rows, flags = [], []
+    for kind in (*range(9), *FD_NAMES):
+        frame = pack(library, kind, 7, 1, [2])
+        rows.append((frame.id, True, bytes(frame.data[: frame.length])))
+        flags.append(frame.flags)
+    turned = [f ^ wire.FD for f in flags] + [f ^ (wire.FD | wire.FAST) for f in flags]
+    for form, foreign in ((flags, 0), (turned, len(turned))):
+        decoded = wire.decode(wire.pack_frames(rows * (len(form) // len(rows)), flags=form))
+        assert (decoded.foreign, decoded.damaged, len(decoded)) == (foreign, 0, len(form) - foreign)
+
+
 def test_check_and_crc_are_the_standard_ones(library: Any) -> None:
     """CRC-32 equals zlib's; the CRC-8 table gives the published check value of CRC-8/AUTOSAR, 0xDF."""
     words = np.random.default_rng(1).integers(0, 2**32, 50, dtype=np.uint64).astype("<u4")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from stream_rig import Rig, library, settings
 
-from aeolid.can.wire import EXTENDED, FD, Frames
+from aeolid.can.reception import time_on_bus
+from aeolid.can.wire import EXTENDED, FAST, FD, Frames, pack_frames
 
 BIT_RATE = 500_000
 
@@ -56,9 +60,9 @@ def measure(identifier: int, data: bytes, fd: bool) -> tuple[int, int]:
     return arbitration + 13, len(fast) + stuffed + check
 
 
-def longest(length: int, ratio: int) -> int:
+def longest(length: int, ratio: int, extended: int = 1) -> int:
     """Return what frame.h says, in bits of the nominal rate."""
-    return int(library().rig_longest(length, ratio))
+    return int(library().rig_longest(length, ratio, extended))
 
 
 def nominal(frames: Frames, ratio: int) -> list[float]:
@@ -117,3 +121,50 @@ def test_measured_load_is_that_of_the_formula(fd: int, innovations: int) -> None
     )
     assert bound / BIT_RATE / (0.1 * steps) * 1000 == pytest.approx(permille, rel=0.03, abs=1.0)
     assert real / compared == pytest.approx(0.87, rel=0.1)
+
+
+def test_the_receiver_counts_frames_as_long_as_the_header_does() -> None:
+    """The receiver's load of the bus is that of frame.h for every length, identifier and ratio, of many frames at once.
+
+    The header rounds the fast part up to whole bits of the nominal rate; at one rate both are the same number.
+    """
+    for extended in (0, 1):
+        for length in (8, 12, 16, 20, 24, 32, 48, 64):
+            for ratio in (1, 2, 3, 4, 16):
+                flags = EXTENDED * extended | (FD | FAST) * (length > 8)
+                frames = pack_frames([(0x690, bool(extended), bytes(length))] * 3, flags=[flags] * 3)
+                bits = time_on_bus(frames, BIT_RATE, BIT_RATE * ratio) * BIT_RATE / 3
+                assert longest(length, ratio, extended) - 1 < bits + 1e-6
+                assert bits <= longest(length, ratio, extended) + 1e-6
+                assert ratio > 1 or bits == pytest.approx(longest(length, 1, extended), abs=1e-6)
+
+
+def test_the_load_is_rounded_up_from_the_sum_of_its_parts() -> None:
+    """AEO_STREAM_LOAD against the same sum in fractions, over drawn settings: never below, less than one above.
+
+    The header allows 4 / (sample_us bit_rate) thousandths for its own rounding. Small loads are among them, where a
+    part cut off is all there is, and loads beyond 32 bits, which stay at the most that these hold.
+    """
+    generator = np.random.default_rng(3)
+    most = 2**32 - 1
+    function = library().rig_load_of
+    function.restype, function.argtypes = ctypes.c_uint32, [ctypes.c_uint32] * 9
+
+    def draw(low: int, high: int) -> int:
+        return min(high, int(np.exp(generator.uniform(np.log(low), np.log(high + 1)))))
+
+    below_two = beyond = 0
+    for _ in range(20_000):
+        bit_rate, sample_us = draw(10_000, 8_000_000), draw(20, 1_000_000_000)
+        sample, snapshot, description = draw(160, 20_800), draw(160, 22_000_000), draw(7, 903)
+        every = [draw(1, 65535), draw(1, most), draw(1, 65535), draw(1, 65535)]
+        parts = zip((sample, snapshot, 160, 160 * description), every, strict=True)
+        exact = sum(Fraction(bits, k) for bits, k in parts) * 10**9 / (sample_us * bit_rate)
+        told = function(bit_rate, sample_us, sample, every[0], snapshot, every[1], every[2], description, every[3])
+        if exact > most - 1:
+            beyond += 1
+            assert told == most
+            continue
+        below_two += exact < 2
+        assert exact <= told < exact + 1 + Fraction(4, sample_us * bit_rate)
+    assert below_two > 1000 and beyond > 0

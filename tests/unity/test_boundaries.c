@@ -151,14 +151,31 @@ static void variances_end_at_ten_to_the_ten(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_rls(&rls_config));
 }
 
-/* lambda^p >= 1/1000 and lambda^(p-1) >= 1e-6, by halves: exact. */
+/* n (1 - lambda) <= 3 and lambda^(p-1) >= 1e-6, by halves: exact. */
 static void short_memories_bound_the_window(void)
 {
     describe_all();
     fast_config.forgetting = lattice_config.forgetting = AEO_REAL(0.5);
-    fast_config.past = 9; /* 1/512 */
-    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
-    fast_config.past = 10; /* 1/1024 */
+    fast_config.feedthrough = 0;
+    for (unsigned past = 1; past <= 7u; past++) {
+        for (unsigned block = 1; block <= 7u; block++) {
+            fast_config.past = (uint16_t)past;
+            fast_config.block = (uint16_t)block;
+            TEST_ASSERT_EQUAL_INT(past * block <= 6u ? AEO_OK : AEO_E_ARG, init_fast(&fast_config));
+        }
+    }
+    fast_config.past = 2;
+    fast_config.block = 3;
+    fast_config.feedthrough = 1; /* the present inputs count */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    fast_config.forgetting = AEO_REAL(1) - AEO_REAL(1) / AEO_REAL(256);
+    fast_config.past = 256;
+    fast_config.feedthrough = 0;
+    TEST_ASSERT_TRUE(init_fast(&fast_config) != AEO_E_ARG);
+    fast_config.forgetting = AEO_REAL(0.9); /* 30 times a tenth, as it is rounded, is 3 all the same */
+    fast_config.past = 10;
+    TEST_ASSERT_TRUE(init_fast(&fast_config) != AEO_E_ARG);
+    fast_config.forgetting = AEO_REAL(0.8999);
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
     lattice_config.past = 20; /* 2^-19 = 1.9e-6 */
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));

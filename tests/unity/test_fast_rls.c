@@ -142,8 +142,8 @@ static double promised(void)
 
 static void words_are_known_at_compile_time(void)
 {
-    TEST_ASSERT_EQUAL_UINT(1530, AEO_FAST_RLS_WORDS(10, 5, 0, 3));
-    TEST_ASSERT_EQUAL_UINT(7130, AEO_FAST_RLS_WORDS(50, 5, 0, 3));
+    TEST_ASSERT_EQUAL_UINT(1695, AEO_FAST_RLS_WORDS(10, 5, 0, 3));
+    TEST_ASSERT_EQUAL_UINT(7895, AEO_FAST_RLS_WORDS(50, 5, 0, 3));
 }
 
 static void agrees_with_square_root_rls(void)
@@ -394,14 +394,37 @@ static void collinear_channels_stay_bounded_and_unbiased(void)
  * they outgrow is the range that S may have, so an array starts afresh before that. */
 static void the_shortest_memory_at_rest_stays_within_bounds(void)
 {
-    static const aeo_real_t z[P * M_MAX], y[L];
-    const aeo_fast_rls_config_t config = make_config(M_MAX, 0, 0.5, 3e-8, 10);
+    static const aeo_real_t z[M_MAX], y[L];
+    aeo_fast_rls_config_t config = make_config(M_MAX, 0, 0.5, 3e-8, 10);
+    config.past = 1; /* three memories, the most that is taken */
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
     for (int k = 0; k < 2000; k++) {
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
         TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
     }
     TEST_ASSERT_TRUE(fast.count.reinitialised > 0u);
+}
+
+/* The shortest memory that is taken is one third of the regressors: innovations are those of rls within a quarter still. */
+static void short_memories_stay_close_to_rls(void)
+{
+    const double n = (double)P * (R + L);
+    for (int q = 1; q <= 3; q++) {
+        double of_fast = 0.0, of_rls = 0.0;
+        setUp();
+        start(AEO_VARX, 0, 1.0 - q / n, 1.0, 100.0);
+        for (int k = 0; k < 20000; k++) {
+            feed(1);
+            for (size_t i = 0; k > 1000 && i < L; i++) {
+                of_fast += pow((double)aeo_fast_rls_innovation(&fast)[i], 2);
+                of_rls += pow((double)aeo_rls_innovation(&rls)[i], 2);
+            }
+        }
+        TEST_ASSERT_EQUAL_UINT32(0, fast.count.reinitialised);
+        TEST_ASSERT_TRUE(of_rls > 1.0 && sqrt(of_fast / of_rls) < 1.25);
+    }
+    const aeo_fast_rls_config_t config = make_config(R + L, 0, 1.0 - 3.01 / n, 1.0, 100.0);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
 }
 
 static void runaway_starts_afresh(void)
@@ -512,6 +535,7 @@ int main(void)
     RUN_TEST(follower_takes_over_when_errors_disagree);
     RUN_TEST(collinear_channels_stay_bounded_and_unbiased);
     RUN_TEST(the_shortest_memory_at_rest_stays_within_bounds);
+    RUN_TEST(short_memories_stay_close_to_rls);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(health_is_sticky_until_cleared);
     RUN_TEST(schedules_fit_their_numbers);

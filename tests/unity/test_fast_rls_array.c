@@ -488,6 +488,45 @@ static void regularisation_rises_and_stays(void)
     TEST_ASSERT_TRUE(fast.regularisation > AEO_REAL(0.499) && fast.regularisation < AEO_REAL(0.501));
 }
 
+/* Innovations of more than ten times the outputs' size are borne for two memories and the window's length, not longer; as
+ * many good samples as bad ones make up for them, and what is smaller says nothing. */
+static void innovations_far_above_the_outputs_start_afresh(void)
+{
+    for (unsigned kind = 0; kind < 3u; kind++) { /* always, at every other sample, ever a little less */
+        setUp();
+        start(0.99);
+        feed(50);
+        memset(z, 0, sizeof z);
+        unsigned k = 0;
+        for (; k < 1000u && fast.count.reinitialised == 0u; k++) {
+            memmove(z, z + M, (N - M) * sizeof *z);
+            fill(z + N - M, M, &seed);
+            fast.hold = 1000; /* nobody learns */
+            double made = 0.0, told = 0.0;
+            for (size_t i = 0; i < L; i++) {
+                double sum = 0.0;
+                for (size_t j = 0; j < N; j++) {
+                    fast.theta[i * N + j] = AEO_REAL(50);
+                    sum += 50.0 * (double)z[j];
+                }
+                const double size = kind == 1u && k % 2u == 0u ? 0.5 : kind == 2u ? 0.12 : 0.05;
+                y[i] = (aeo_real_t)(size * sum);
+                made += pow(sum - (double)y[i], 2);
+                told += pow((double)y[i], 2);
+            }
+            TEST_ASSERT_EQUAL_INT(made > 100.0 * told, kind == 0u || (kind == 1u && k % 2u == 1u));
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        }
+        TEST_ASSERT_EQUAL_UINT32(kind == 0u, fast.count.reinitialised);
+        if (kind == 0u) {
+            TEST_ASSERT_UINT_WITHIN(10, 200 + 2 * P, k);
+            TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_REINITIALISED,
+                                     aeo_fast_rls_health(&fast) & AEO_FAST_RLS_REINITIALISED);
+            TEST_ASSERT_EQUAL_MEMORY(y, aeo_fast_rls_innovation(&fast), sizeof y); /* theta is 0 */
+        }
+    }
+}
+
 /* Arrays that hold too much start afresh with the rho that was set, and theta waits as after a break. */
 static void a_release_starts_from_the_rho_that_was_set(void)
 {
@@ -566,6 +605,64 @@ static void disturbances_are_those_of_the_header(void)
     TEST_ASSERT_TRUE(signs[0] > 20u && signs[1] > 20u);
 }
 
+/* The full covariance that the recursion stands for, P_{-1} as the header has it. */
+static void absorb_densely(double p[N][N], const double *w, double lambda)
+{
+    double pw[N], news = lambda;
+    for (size_t i = 0; i < N; i++) {
+        pw[i] = dot(p[i], w, N);
+        news += w[i] * pw[i];
+    }
+    for (size_t i = 0; i < N; i++) {
+        for (size_t j = 0; j < N; j++) {
+            p[i][j] = (p[i][j] - pw[i] * pw[j] / news) / lambda;
+        }
+    }
+}
+
+/* Channel 1 is 0 or half of channel 0, so that windows are disturbed all the time: P d is that of a full covariance. */
+static void disturbances_share_the_gain_as_a_full_covariance_says(void)
+{
+    const double lambda = 0.9375;
+    for (unsigned half = 0; half < 2u; half++) {
+        double p[N][N] = {{0}};
+        unsigned compared = 0;
+        const aeo_fast_rls_config_t config = {.past = P,
+                                              .block = M,
+                                              .outputs = L,
+                                              .forgetting = (aeo_real_t)lambda,
+                                              .regularisation = AEO_REAL(0.5),
+                                              .growth_max = AEO_REAL(8)};
+        setUp();
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, memory, WORDS));
+        for (size_t i = 0; i < N; i++) {
+            p[i][i] = 2.0 * pow(lambda, (double)(P - 1 - i / M));
+        }
+        for (unsigned k = 0; k < 400u && fast.count.renewed == 0u; k++) {
+            double w[N], d[N], apart = 0.0, size = 0.0;
+            memmove(z, z + M, (N - M) * sizeof *z);
+            fill(z + N - M, M, &seed);
+            z[N - M + 1] = half != 0u ? z[N - M] / AEO_REAL(2) : AEO_REAL(0);
+            fill(y, L, &seed);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+            for (size_t i = 0; i < N; i++) {
+                w[i] = (double)fast.window[M + i];
+                d[i] = (double)fast.added[M + i];
+                TEST_ASSERT_TRUE(fabs(w[i] - d[i] - (double)z[i]) < 1e-6); /* w = z + d */
+            }
+            for (size_t i = 0; i < N && fast.disturbed > 0u; i++) {
+                const double share = dot(p[i], d, N) / lambda;
+                apart += pow(share - (double)fast.array[fast.active].share[i], 2);
+                size += pow(share, 2);
+            }
+            TEST_ASSERT_TRUE(sqrt(apart) <= (sizeof(aeo_real_t) == 4 ? 1e-2 : 1e-6) * sqrt(size));
+            compared += size > 0.0;
+            absorb_densely(p, w, lambda);
+        }
+        TEST_ASSERT_TRUE(compared > 100u);
+    }
+}
+
 /* ---- the window -------------------------------------------------------------------------------------------------------- */
 
 /* Without disturbances an entry continues the window when it is within two rounding errors of what it was. */
@@ -622,8 +719,10 @@ int main(void)
     RUN_TEST(a_follower_begins_when_a_life_ends);
     RUN_TEST(behind_a_runaway_the_innovation_is_the_output);
     RUN_TEST(regularisation_rises_and_stays);
+    RUN_TEST(innovations_far_above_the_outputs_start_afresh);
     RUN_TEST(a_release_starts_from_the_rho_that_was_set);
     RUN_TEST(disturbances_are_those_of_the_header);
+    RUN_TEST(disturbances_share_the_gain_as_a_full_covariance_says);
     RUN_TEST(the_window_knows_its_entries_to_two_roundings);
     RUN_TEST(the_window_knows_its_entries_to_two_disturbances);
     return UNITY_END();

@@ -108,23 +108,29 @@ static void restore_names_what_is_wrong(void)
             TEST_ASSERT_EQUAL_MEMORY(&before, &fast, sizeof fast);
         }
     }
-    const size_t factor = AEO_FAST_RLS_SAVED_HEAD + N * (2 * M + 1) + M;
+    const size_t factor = AEO_FAST_RLS_SAVED_HEAD + N * (2 * M + 2) + 2 * M;
     const struct {
         size_t at;
         double value;
-    } damage[] = {{13, P + 2},                                  /* more samples than the window holds */
-                  {15, 2},                                      /* a third array */
-                  {factor, 1e7},                                /* a factor beyond any variance */
-                  {factor + M * (M + 1) / 2, 1e34},             /* an energy no data have */
-                  {factor + M * (M + 1) / 2 + M * M + 1, 1e21}, /* a disagreement no array goes on with */
-                  {factor, 0},                                  /* a diagonal entry of the factor */
-                  {factor + M * (M + 1) / 2 + M * M, 0.5},      /* 1 / gamma below 1 */
-                  {factor + M * (M + 1) / 2 + M * M, 1e21},     /* 1 / gamma that no array goes on with */
-                  {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N, 1e30},  /* a gain that could move A out of bounds */
-                  {AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_ARRAY_WORDS(P, M, D), -2e30}, /* a rest that could overflow */
-                  {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}, /* the window */
-                  {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L + N + M - 1, -1.2e6},
-                  {factor + M * (M + 1) / 2 + M * M, 2.5e20}}; /* 1 / gamma just beyond */
+    } damage[] = {
+        {13, P + 2},                                           /* more samples than the window holds */
+        {15, 2},                                               /* a third array */
+        {37, P + 3},                                           /* a disturbance that the window cannot hold still */
+        {38, 60000},                                           /* astray for longer than is borne */
+        {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N + N + M, 1.1e20}, /* a share no variance makes */
+        {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L + N + M, 1}, /* disturbances */
+        {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L + 2 * (N + M) - 1, -1},
+        {factor, 1e7},                                /* a factor beyond any variance */
+        {factor + M * (M + 1) / 2, 1e34},             /* an energy no data have */
+        {factor + M * (M + 1) / 2 + M * M + 1, 1e21}, /* a disagreement no array goes on with */
+        {factor, 0},                                  /* a diagonal entry of the factor */
+        {factor + M * (M + 1) / 2 + M * M, 0.5},      /* 1 / gamma below 1 */
+        {factor + M * (M + 1) / 2 + M * M, 1e21},     /* 1 / gamma that no array goes on with */
+        {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N, 1e30},  /* a gain that could move A out of bounds */
+        {AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_ARRAY_WORDS(P, M, D), -2e30}, /* a rest that could overflow */
+        {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}, /* the window */
+        {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L + N + M - 1, -1.2e6},
+        {factor + M * (M + 1) / 2 + M * M, 2.5e20}}; /* 1 / gamma just beyond */
     for (size_t t = 0; t < sizeof damage / sizeof damage[0]; t++) {
         const aeo_real_t good = saved[damage[t].at];
         saved[damage[t].at] = (aeo_real_t)damage[t].value;

@@ -360,6 +360,48 @@ static void a_level_moves_by_e_in_eight_memories(void)
     TEST_ASSERT_TRUE(aeo_watch_holds(&watch, kept, 1));
 }
 
+/* The same law where a memory is so long that 1 + (1 - lambda) / 8 is 1 in float: up by r for each step passed, down by 2 r. */
+static void a_level_moves_as_fast_in_every_memory(void)
+{
+    for (unsigned k = 8; k <= 24u; k += 4u) {
+        for (unsigned how = 0; how < 3u; how++) { /* up, down, up while forgetting is withheld */
+            const aeo_real_t rate = AEO_REAL(1) / (aeo_real_t)(1u << k);
+            const double r = (double)rate / (how == 2u ? 512.0 : 8.0);
+            aeo_real_t kept[AEO_WATCH_WORDS(1)];
+            aeo_watch_t watch;
+            aeo_watch_start(&watch, kept, 1);
+            watch.blocks = 2;
+            kept[2] = AEO_REAL(1e-4);
+            if (r < 1e-8) {
+                continue; /* too many samples for a test */
+            }
+            unsigned samples = (unsigned)(0.02 / r);
+            samples = r < 4e-6 && samples < 64u * 4096u ? 64u * 4096u : samples; /* 64 that move the level */
+            for (unsigned i = 0; i < samples; i++) {
+                const aeo_real_t y = how == 1u ? AEO_REAL(0) : i % 2u == 0u ? AEO_REAL(0.25) : AEO_REAL(-0.25);
+                (void)aeo_watch_take(&watch, kept, 1, &y, AEO_REAL(1), AEO_REAL(1) - rate, how == 2u);
+            }
+            const double moved = log((double)kept[2] / 1e-4), expected = samples * (how == 1u ? -2.0 * r : r);
+            TEST_ASSERT_TRUE(fabs(moved / expected - 1.0) < 0.06); /* of sampling and rounding */
+        }
+    }
+}
+
+/* A square wave of 16 samples whose steps are large once in eight: the level stays below them, whatever the memory. */
+static void a_periodic_output_is_seen_in_all_its_phases(void)
+{
+    aeo_real_t kept[AEO_WATCH_WORDS(1)];
+    aeo_watch_t watch;
+    aeo_watch_start(&watch, kept, 1);
+    watch.blocks = 2;
+    kept[2] = AEO_REAL(1e-4);
+    for (unsigned i = 0; i < 1u << 22; i++) { /* (1 - 2 7) / 8 r a sample on average */
+        const aeo_real_t y = i % 16u < 8u ? AEO_REAL(0.25) : AEO_REAL(-0.25);
+        (void)aeo_watch_take(&watch, kept, 1, &y, AEO_REAL(1), AEO_REAL(1) - AEO_REAL(1) / AEO_REAL(1 << 22), 0);
+    }
+    TEST_ASSERT_TRUE(fabs(log((double)kept[2] / 1e-4) / (-13.0 / 64.0) - 1.0) < 0.06);
+}
+
 /* Two suspect blocks running release, one does not, nor one with a good one between. */
 static void two_suspect_blocks_running_release(void)
 {
@@ -538,6 +580,8 @@ int main(void)
     RUN_TEST(a_restore_begins_a_read_out_anew);
     RUN_TEST(a_level_is_passed_by_two_of_three_steps);
     RUN_TEST(a_level_moves_by_e_in_eight_memories);
+    RUN_TEST(a_level_moves_as_fast_in_every_memory);
+    RUN_TEST(a_periodic_output_is_seen_in_all_its_phases);
     RUN_TEST(two_suspect_blocks_running_release);
     RUN_TEST(a_block_is_suspect_from_half_and_from_a_tenth_on);
     RUN_TEST(held_a_hundred_times_over_is_suspect);

@@ -248,7 +248,6 @@ static void foreign_frames_are_left_alone(void)
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &back, sizeof back);
 }
 
-/* A node beyond the last one is nobody's, though its frame is sound: nodes end at 3, 15 and 253. */
 /* Values that a frame does not have are left as they were. */
 static void unpacking_writes_no_further_value(void)
 {
@@ -271,6 +270,30 @@ static void unpacking_writes_no_further_value(void)
     }
 }
 
+/* The form of a frame belongs to its kind: the same bytes in the other form are another system's, and are not damage. */
+static void the_other_form_is_somebody_elses(void)
+{
+    for (unsigned kind = 0; kind < AEO_KIND_LIMIT; kind++) {
+        for (unsigned count = 1; count <= most_values(kind); count++) {
+            const aeo_address_t *const address = count % 2u == 0u ? &extended : &standard;
+            const aeo_message_t message = make_message((aeo_kind_t)kind, count);
+            aeo_message_t back = message;
+            aeo_can_frame_t frame;
+            uint8_t node = 77;
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(address, &message, &frame));
+            for (unsigned rate = 0; rate <= AEO_CAN_BRS; rate += AEO_CAN_BRS) { /* either speed of the data phase */
+                aeo_can_frame_t other = frame;
+                other.flags = (uint8_t)((frame.flags & AEO_CAN_EXTENDED) |
+                                        ((frame.flags & AEO_CAN_FD) != 0u ? 0u : AEO_CAN_FD | rate));
+                TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(address, &other, &back, &node));
+            }
+            TEST_ASSERT_EQUAL_UINT8(77, node);
+            assert_same(&message, &back);
+        }
+    }
+}
+
+/* A node beyond the last one is nobody's, though its frame is sound: nodes end at 3, 15 and 253. */
 static void nodes_end_where_the_layout_says(void)
 {
     static const aeo_address_t last[] = {{0x40, 3, 0}, {0x500, 15, 0}, {AEO_FRAME_BASE_EXTENDED, 253, 1}};
@@ -375,6 +398,7 @@ int main(void)
     RUN_TEST(wrong_bits_of_can_fd_are_seen);
     RUN_TEST(foreign_frames_are_left_alone);
     RUN_TEST(unpacking_writes_no_further_value);
+    RUN_TEST(the_other_form_is_somebody_elses);
     RUN_TEST(nodes_end_where_the_layout_says);
     RUN_TEST(bad_arguments);
     RUN_TEST(random_bytes_rarely_pass);

@@ -220,7 +220,7 @@ static void fast_rls_is_written_as_its_header_says(void)
 {
     start_fast();
     const size_t n = 39, m = 18, array = AEO_FAST_RLS_ARRAY_WORDS(2, 18, 3);
-    put(4);
+    put(5);
     put(sizeof(aeo_real_t));
     put(2);
     put(18);
@@ -233,14 +233,23 @@ static void fast_rls_is_written_as_its_header_says(void)
     const uint32_t numbers[] = {fast.random, fast.filled, fast.active, fast.health};
     put_numbers(numbers, 4);
     put_numbers(&fast.count.updates, 8);
-    const uint32_t others[] = {fast.hold,           fast.watch.age,    fast.watch.moved,
-                               fast.watch.withheld, fast.watch.blocks, fast.watch.suspected,
-                               fast.array[0].age,   fast.array[1].age, 3u};
-    put_numbers(others, 9);
+    const uint32_t others[] = {fast.hold,
+                               fast.disturbed,
+                               fast.astray,
+                               fast.watch.age,
+                               fast.watch.moved,
+                               fast.watch.withheld,
+                               fast.watch.blocks,
+                               fast.watch.suspected,
+                               fast.array[0].age,
+                               fast.array[1].age,
+                               3u};
+    put_numbers(others, 11);
     put_words(fast.array[0].forward, array);
     put_words(fast.array[1].forward, array);
     put_words(fast.theta, n * 2u);
     put_words(fast.window, n + m);
+    put_words(fast.added, n + m);
     put_words(fast.innovation, 2);
     put_words(fast.residual, 2);
     put_words(fast.watched, AEO_WATCH_WORDS(2));
@@ -432,7 +441,7 @@ static void words_that_are_not_the_filters_own_are_refused(void)
     start_fast();
     length = AEO_FAST_RLS_SAVED_WORDS(2, 18, 3, 2);
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&fast, saved, length));
-    judge_words(restore_fast, 10, 21);
+    judge_words(restore_fast, 10, 23);
     start_lattice();
     length = AEO_LATTICE_SAVED_WORDS(3, 4, 2, 2);
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, saved, length));

@@ -189,11 +189,11 @@ def time_on_bus(frames: Frames, bit_rate: float, data_bit_rate: float) -> float:
     # classic: 34 or 54 bits from start to CRC are stuffed with the data, one in four at worst; 13 are not
     stuffed = np.where(extended, 54, 34) + 8 * length
     classic = stuffed + 13 + (stuffed - 1) // 4
-    # FD: arbitration stuffed one in four; the data part has a stuff count and a CRC of 17 or 21 bits, fixed stuffing
-    arbitration = np.where(extended, 36 + 36 // 4, 17 + 17 // 4) + 13
-    check = np.where(length > 16, 21 + 6, 17 + 5) + 5
+    # FD (frame.h derives it): 17 or 36 bits at the nominal rate, one in four stuffed, and 15 after the CRC; the payload
+    # has the other stuffed bits of the whole, and a check of stuff count, CRC of 17 or 21 bits and fixed stuffing
+    head, head_stuff = np.where(extended, 36, 17), np.where(extended, 8, 4)
     payload = 5 + 8 * length
-    payload = payload + payload // 4 + check
+    payload = payload + (head + payload - 1) // 4 - head_stuff + np.where(length > 16, 4 + 21 + 7, 4 + 17 + 6)
     fast = frames.flags & FAST > 0
-    long = arbitration / bit_rate + payload / np.where(fast, data_bit_rate, bit_rate)
+    long = (head + head_stuff + 15) / bit_rate + payload / np.where(fast, data_bit_rate, bit_rate)
     return float(np.where(fd, long, classic / bit_rate).sum())

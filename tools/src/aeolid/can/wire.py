@@ -198,8 +198,9 @@ def decode(frames: Frames, base: int = BASE, place: int = 0) -> Messages:
     possible = (kind < KINDS) & (node < layout.nodes) & (frames.flags & EXTENDED == layout.flags)
     possible &= (frames.id < layout.limit) & (frames.flags & (REMOTE | ERROR | GARBLED) == 0)
     kind = np.where(possible, kind, np.uint32(9))  # there is no kind 9
-    classic = np.flatnonzero(_IS_CLASSIC[kind] & (frames.length == 8))
-    is_fd = _IS_FD[kind] & (frames.flags & FD > 0)
+    long_form = frames.flags & FD > 0
+    classic = np.flatnonzero(_IS_CLASSIC[kind] & ~long_form & (frames.length == 8))
+    is_fd = _IS_FD[kind] & long_form
     messages = _decode_classic(frames, classic, kind[classic].astype(np.uint8), base)
     if is_fd.any():
         long = np.flatnonzero(is_fd & np.isin(frames.length, _FD_LENGTH[1:]))
