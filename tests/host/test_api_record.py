@@ -160,9 +160,7 @@ def test_the_unit_of_an_index_stands_behind_its_name(name: str, unit_s: float, s
 
 def test_an_index_whose_unit_is_open_is_asked_for() -> None:
     frame = FRAME.set_index(pd.Index(100.0 * np.arange(len(FRAME)), name="time"))
-    with pytest.raises(
-        ae.UsageError, match=r"'time' does not say its unit; name it with one, .*'time \[ms\]'"
-    ):
+    with pytest.raises(ae.UsageError, match=r"'time' does not say its unit; name it with one, .*'time \[ms\]'"):
         made(frame, sample_time=None)
 
 

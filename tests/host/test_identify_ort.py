@@ -413,13 +413,15 @@ def test_data_that_do_not_carry_the_answer_are_named(record):
         identify_ort([simulate_disturbed_loop(2000, 1, dither=0.0, noise=0.0)], past=10)
 
 
-def test_a_disturbance_that_begins_late_leaves_the_choice_to_everything(record):
-    """Nothing of r in the first 75 %: the fit part cannot be decomposed, the whole can."""
+def test_a_disturbance_that_begins_late_is_cut_behind_its_beginning(record):
+    """Nothing of r in the first 75 %: a part of the rest chooses, and as the rest alone would."""
     values = record.column("r").copy()
     values[:3000] = 0.0
-    result = identify_ort([with_disturbance(record, values)], past=10)
-    for choice in (result.joint_choice, result.order_choice):
-        assert choice.reason.endswith("too few samples to hold some out")
+    late = with_disturbance(record, values)
+    first, second = (identify_ort([r], past=10) for r in (late, late.slice(3000, len(late))))
+    assert "held-out" in first.order_choice.reason
+    assert first.order_choice.order == second.order_choice.order
+    assert first.joint_choice.order == second.joint_choice.order
 
 
 def test_stable_models_say_how_their_gain_was_found():

@@ -175,3 +175,39 @@ def test_a_short_validation_says_in_all_forms_that_nothing_is_decided():
     assert (facts["verdict"], facts["samples"], facts["needed"]) == ("undecided", 19, 120)
     told = ae.validate(ae.LinearModel(fourth_order()), ae.Record.of_core(record))
     assert told.verdict == "undecided" and "innovations undecided" in repr(told)
+
+
+def test_few_lines_in_an_input_do_not_raise_the_level():
+    """A sine or a few lines are predicted to rounding: 2 of 300 may alarm by chance, 10 in no 10,000 trials."""
+    alarms = 0
+    for lines in (1, 8, 14, 30):
+        for seed in range(75):
+            random = np.random.default_rng(seed)
+            phases, t = random.uniform(0, 2 * np.pi, lines), np.arange(600)
+            u = np.sin(2 * np.pi * np.outer(t, np.linspace(0.01, 0.2, lines)) + phases).sum(axis=1)
+            report = run_residual_tests(random.standard_normal((600, 1)), u[:, None], ("y",), ("u",))
+            alarms += any(t.p_value <= report.level for t in report.tests if t.kind == "input")
+    assert alarms < 10
+
+
+def test_a_right_model_of_few_samples_passes_on_many():
+    """Each of p parameters adds 1/(l N) to its errors on fresh samples: no missing dynamics, and no advice."""
+    failed, wrong, gains = 0, 0, 0
+    for seed in range(12):
+        first, fresh = (simulate_fourth_order(n, k, feedback=0.25) for n, k in ((300, seed), (3000, seed + 100)))
+        for order in (4, 3):
+            found = identify_varx([first], past=10, order=order, uncertainty="none")
+            report = validate_model(LinearModel(found.model), fresh, (), found.windows).residuals
+            failed += order == 4 and report.verdict == "fail"
+            wrong += order == 3 and report.verdict == "fail"
+            if order == 4:
+                other = replace(found.model, K=0.0 * found.model.K)  # no noise model
+                gains += validate_model(LinearModel(other), fresh, (), found.windows).residuals.verdict == "fail"
+    assert failed <= 1 and wrong == gains == 12
+
+
+def test_a_model_without_the_facts_of_its_identification_is_tested_as_exact_and_says_so():
+    model, fresh = fourth_order(), simulate_fourth_order(2000, 5)
+    other = LinearModel(replace(model, K=0.0 * model.K))
+    assert "the model is taken as exact" in validate_model(other, fresh).summary()
+    assert "the model is taken as exact" not in validate_model(other, fresh, (), 2000.0).summary()

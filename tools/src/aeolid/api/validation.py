@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.api import markup
-from aeolid.api.models import AnyModel, as_record, core_of
+from aeolid.api.models import AnyModel, as_record, core_of, load_model
 from aeolid.api.session import in_python, public
 from aeolid.api.table import Table
 from aeolid.errors import UsageError
@@ -206,11 +206,13 @@ def validate(model: AnyModel, record: Record, *, steps: Sequence[int] = (5, 10, 
         Where an argument has another type or value.
     """
     from aeolid.identify.free_run import started
+    from aeolid.identify.stated import stated_windows
     from aeolid.identify.validation import validate_recording
     from aeolid.models.load import matched
 
-    core = core_of(model)
-    result, slow = validate_recording(core, as_record(record), _horizons(steps))
+    model = load_model(model) if isinstance(model, str | Path) else model
+    core, windows = core_of(model), stated_windows(getattr(model, "facts", None))
+    result, slow = validate_recording(core, as_record(record), _horizons(steps), windows)
     names, units = tuple(s.name for s in core.outputs), tuple(s.unit for s in core.outputs)
     if result.fit is None:  # of the run that is scored
         residuals = matched(slow, core.outputs) - started(core, slow).simulate(slow)

@@ -58,7 +58,9 @@ def run(
     out: Annotated[
         Path, typer.Option("--out", help="Directory for the diagnosis, the report and the corrected model.")
     ],
-    sham: Annotated[int, typer.Option("--sham", min=0, max=1000, help="Null simulations of the whole procedure; none where the baseline is a run.")] = 20,
+    sham: Annotated[
+        int, typer.Option("--sham", min=0, max=1000, help="Null simulations; none where the baseline is a run.")
+    ] = 20,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap and the sham runs.")] = 1,
     fail_on_mismatch: Annotated[
         bool, typer.Option("--fail-on-mismatch", help="Exit 1 when a mismatch is found.")

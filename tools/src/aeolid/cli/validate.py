@@ -69,12 +69,13 @@ def validate(
     declare("validate", force=force, inputs=[model_file, recording, roles], files={"--json": json_target})
     from aeolid.formats import read_record
     from aeolid.identify.mode_names import mode_lines
-    from aeolid.identify.stated import stated_doubt
+    from aeolid.identify.stated import stated_doubt, stated_windows
     from aeolid.identify.validation import validate_recording
     from aeolid.models.load import load_model
 
     doubt, model = stated_doubt(model_file), load_model(model_file)
-    result, record = validate_recording(model, read_record(recording, load_roles(roles, resample)), horizons)
+    windows = stated_windows(_stated(model_file))
+    result, record = validate_recording(model, read_record(recording, load_roles(roles, resample)), horizons, windows)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     if fail_above is not None and metric == "free-run" and not result.driven:
         raise UsageError(f"{model_file}: the model has no input, and a free run says nothing of it: --metric one-step")
@@ -101,18 +102,24 @@ def validate(
         raise typer.Exit(1)
 
 
+def _stated(path: Path) -> Any:
+    """Return what an identification said in the model file that it wrote, None where there is nothing."""
+    from aeolid.text_files import load_json
+
+    told = load_json(path) if path.suffix.lower() == ".json" else {}
+    return told.get("identification") if isinstance(told, dict) else None
+
+
 def _modes(path: Path, model: Model, record: Record) -> tuple[Mode, ...]:
     """Return the modes that a model file states with their deviations, else those of its poles."""
     from aeolid.api.facts import stated_modes
     from aeolid.identify.harmonics import marked
     from aeolid.models.load import LinearModel
     from aeolid.models.modes import modes_of
-    from aeolid.text_files import load_json
 
     if not isinstance(model, LinearModel):
         return ()
-    told = load_json(path) if path.suffix.lower() == ".json" else {}
-    found = stated_modes(told.get("identification") if isinstance(told, dict) else None)
+    found = stated_modes(_stated(path))
     if found is not None and any(m.name for m in found):
         return found
     return marked(modes_of(model.state_space) if found is None else found, [record], output_only=not model.inputs)

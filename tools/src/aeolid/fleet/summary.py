@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from aeolid import output
 from aeolid.errors import DataError
 from aeolid.fleet.plan import EPOCH
-from aeolid.identify.order import FIT_PART
 from aeolid.identify.rotor import rotor_frequency
+from aeolid.identify.split import FIT_PART
 from aeolid.identify.windows import CONSTANT, Scaling, WindowFactor, factorise
 from aeolid.record import Record
 

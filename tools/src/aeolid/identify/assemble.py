@@ -18,17 +18,16 @@ from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.harmonics import marked
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import (
-    FIT_PART,
     OrderChoice,
     choose_held_out,
     decide,
-    held_out_stretches,
     information_costs,
     require_order,
 )
 from aeolid.identify.parsimony import guard_order
 from aeolid.identify.quantify import Uncertainty, quantify
 from aeolid.identify.result import Identification, Settings
+from aeolid.identify.split import FIT_PART
 from aeolid.identify.streamed import theta_in_units
 from aeolid.identify.subspace import (
     ScaledModel,
@@ -191,15 +190,15 @@ def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...]
 def _order(windows: Windows, settings: Settings, through: tuple[bool, ...], basis: StateBasis) -> OrderChoice:
     if settings.order is not None:
         return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
-    records, scaling, past = windows.records, windows.scaling, settings.past
     most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
-    require_order(1, most, records[0].source)
-    head, held_out = _head_states(windows, settings, through), held_out_stretches(records, scaling, past)
+    require_order(1, most, windows.records[0].source)
+    if windows.trial is not None and windows.trial.states is not None:
+        most = min(most, windows.trial.states)
+    head, held_out = _head_states(windows, settings, through), windows.held_out()
     unseen = choose_held_out(windows.fitted, head, held_out, through, most)
     if unseen is not None:
         unseen = guard_order(unseen, windows.fitted, head, windows.whole, basis, held_out, through)
-    everything = held_out_stretches(records, scaling, past, 0.0)
-    information = information_costs(windows.whole, basis, everything, through, most)
+    information = information_costs(windows.whole, basis, windows.held_out(everything=True), through, most)
     return decide(settings.order_criterion, unseen, information, basis.singular_values, most)
 
 

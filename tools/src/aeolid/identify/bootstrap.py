@@ -136,7 +136,7 @@ def run_bootstrap(
         try:
             other = perturbed(factor, markov, delta, len(model.A), through, future)
             values, vectors = (part.astype(complex) for part in np.linalg.eig(other.A))
-        except np.linalg.LinAlgError:
+        except (np.linalg.LinAlgError, NotIdentifiable):
             continue
         own = nearest(poles, values)
         found.append(values[own])

@@ -100,6 +100,27 @@ def fill(chain: Chain, z: Array, missing: Flags, noise: Sequence[Array]) -> list
     return out
 
 
+def predict_cells(chain: Chain, z: Array, missing: Flags, start: int, inputs: int) -> Array:
+    """Return z (N, m) with the missing cells from sample `start` on at what the samples before say of them.
+
+    missing (N, m): cells to fill, zero in z; those before `start` stay. Of the same sample inputs know the other
+    inputs, outputs everything: no input is told by an output that it acts on. Cost: q m² a sample with missing cells.
+    """
+    out, q = z.copy(), len(chain.a) - 1
+    lags = chain.a[1:][::-1]  # (q, m, m), oldest first
+    covariance = np.linalg.inv(chain.W)
+    for k in start + np.flatnonzero(missing[start:].any(axis=1)):
+        past = out[max(k - q, 0) : k]
+        mean = -np.einsum("sij,sj->i", lags[q - len(past) :], past)
+        for first, stop in ((0, inputs), (inputs, len(mean))):
+            sought = first + np.flatnonzero(missing[k, first:stop])
+            known = np.setdiff1d(np.arange(stop), sought)
+            if len(sought):
+                gain = lstsq(covariance[np.ix_(known, known)], covariance[np.ix_(known, sought)], rcond=RANK).T
+                out[k, sought] = mean[sought] + gain @ (out[k, known] - mean[known])
+    return out
+
+
 def _band(chain: Chain, time: NDArray[np.intp], channel: NDArray[np.intp]) -> Array:
     """Return Q_MM in lower banded form (band + 1, cells)."""
     blocks, q = chain.blocks, len(chain.a) - 1

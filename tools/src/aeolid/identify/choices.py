@@ -4,21 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
-from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.errors import DataError, UsageError
 from aeolid.identify.choose_feedthrough import choose_feedthrough
-from aeolid.identify.choose_past import Ladder, check_window, choose_past, climb, longest_past, read_past
+from aeolid.identify.choose_past import (
+    Ladder,
+    check_window,
+    choose_past,
+    ladder_of,
+    longest_past,
+    others_of,
+    read_past,
+    shows,
+)
 from aeolid.identify.delay import AUTO, find_delays
 from aeolid.identify.delay_states import without_delays
 from aeolid.identify.feedthrough import Feedthrough
+from aeolid.identify.missing import Completed
+from aeolid.identify.prepare import slower
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import check_feedthrough
 from aeolid.identify.streamed import StreamedMarkov
-from aeolid.identify.truncation import APART, WindowCheck
+from aeolid.identify.truncation import APART, WindowCheck, WindowFit
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
 from aeolid.models.modes import Mode
-from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 from aeolid.wording import counted
 
@@ -37,7 +48,7 @@ class Choices:
 
     tested: the answer for each input, empty where not asked; missing: inputs that act within the sample against what
     was given; check: of the window, None where it was not checked; delays: samples by which inputs act late, None for
-    none.
+    none; others: models of other windows, that the window was held against.
     """
 
     past: int
@@ -48,6 +59,7 @@ class Choices:
     past_reason: str | None = None
     missing: tuple[str, ...] = ()
     delays: Mapping[str, int] | None = None
+    others: tuple[WindowFit, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the choices as JSON facts."""
@@ -61,49 +73,52 @@ class Choices:
 def choose(
     records: Sequence[Record], past: str | int, feedthrough: Sequence[str] | str, *, decimation: int = 1,
     regularization: str | float = "gcv", checked: bool = True, markov: StreamedMarkov | None = None,
-    delays: Mapping[str, int] | str | None = None, followed: bool = False,
+    delays: Mapping[str, int] | str | None = None, followed: bool = False, completed: Completed | None = None,
 ) -> Choices:  # fmt: skip
     """Return window, feedthrough and dead times, those given as they are, "auto" by the data.
 
     past: samples, seconds as "12s" (of the decimated samples), or "auto"; feedthrough: names, () or "auto"; checked:
     whether the window is checked (the methods varx and varmax); delays: as in `find_delays`, after feedthrough, for an
-    input that acts at once is not late; followed: as in `choose_past`. With a stream of Markov parameters "auto" is
-    what its filter had. Raises UsageError or NotIdentifiable as `identify_varx`.
+    input that acts at once is not late; followed: as in `choose_past`; completed: the recordings with their
+    missing cells drawn, where they have some. With a stream of Markov parameters "auto" is what its filter had. Raises
+    UsageError or NotIdentifiable as `identify_varx`.
     """
     if markov is not None:
         return _of_stream(records, past, feedthrough, markov)
     given = read_past(str(past), records[0].sample_time_s * decimation)
     if feedthrough != "auto":
         check_feedthrough(records, feedthrough)
-    records = [decimate_causally(r, decimation) for r in records]
-    scaling, ladder = _climbed(records, given)
+    known = (completed or Completed(records)).each(partial(slower, factor=decimation))
+    scaling, ladder = _climbed(known, given)
     tested: tuple[Feedthrough, ...] = ()
     at = min(given if given is not None else max(round(TESTED * ladder.longest), 1), ladder.longest)
     if scaling.inputs and (checked or feedthrough == "auto"):
         halves, whole = ladder.at(at)
-        tested = choose_feedthrough(records, scaling, whole, halves)
+        tested = choose_feedthrough(known.records, scaling, whole, halves)
     on = tuple(t.name for t in tested if t.on) if feedthrough == "auto" else tuple(feedthrough)
     missing = () if feedthrough == "auto" else tuple(t for t in tested if t.on and t.name not in on)
     said = _said(tested, missing, feedthrough == "auto")
-    late = find_delays(records, at, on, delays)
+    late = find_delays(known.records, at, on, delays)
     if late:
-        scaling, ladder = _climbed(without_delays(records, late), given)
+        scaling, ladder = _climbed(known.each(partial(without_delays, delays=late)), given)
         said += [f"the delay of {n} is estimated; --delay none leaves it to the model" for n in late if delays == AUTO]
     through = tuple(n in on for n in scaling.inputs)
     made = _with_past(ladder, given, through, regularization, checked, followed)
-    made = replace(made, feedthrough=on, notes=(*made.notes, *said, *_say_short(records, made.past)), tested=tested)
+    made = replace(
+        made, feedthrough=on, notes=(*made.notes, *said, *_say_short(known.records, made.past)), tested=tested
+    )
     return replace(made, missing=tuple(t.name for t in missing), delays=late or None)
 
 
-def _climbed(records: Sequence[Record], given: int | None) -> tuple[Scaling, Ladder]:
+def _climbed(known: Completed, given: int | None) -> tuple[Scaling, Ladder]:
     """Return scaling and windows of the recordings, as long as the given one needs to be checked, or all it allows."""
+    records = known.records
     scaling = find_scaling(records)
-    if given is not None:
-        if given < 1:
-            raise UsageError(f"past window {given} is not at least 1")
-        require_windows(records, given, scaling.channels)
+    if given is not None and given < 1:
+        raise UsageError(f"past window {given} is not at least 1")
     most = longest_past(records, scaling.channels)
-    return scaling, _ladder(records, scaling, most if given is None else max(min(4 * given, most), given))
+    require_windows(records, most if given is None else given, scaling.channels)
+    return scaling, ladder_of(known, scaling, most if given is None else max(min(4 * given, most), given))
 
 
 def _say_short(records: Sequence[Record], past: int) -> list[str]:
@@ -125,10 +140,9 @@ def with_choices_made(result: Result, made: Choices) -> Result:
 
     bands_hold is False where the window is too short, where prediction-error steps find poles elsewhere and have no end
     to take, where innovations at their end are not white (`contrast`), where more states find a mode elsewhere
-    (`crowded`), and where there are few windows a parameter
-    (`enough`). Where nothing longer than the window could
-    be tried, an end that is taken stands in for it. Results of methods that leave nothing to choose are returned as
-    they are.
+    (`crowded`), where there are few windows a parameter (`enough`), and where poles were moved inside the unit circle
+    (`sound`). Where nothing longer than the window could be tried, an end that is taken stands in for it. Results of
+    methods that leave nothing to choose are returned as they are.
     """
     if not isinstance(result, Identification):
         return result
@@ -140,20 +154,37 @@ def with_choices_made(result: Result, made: Choices) -> Result:
         stands = held.get("taken", False) and held.get("ended", True) and not held.get("reason")
         limited = held.get("limited") or ""
         confirmed = check.holds is None and stands and not scarce and not limited
+        alone = _alone(made.others, result) if confirmed else ""
         window = "" if confirmed else check.reason
         window += _unlisted(check, result.modes) if window else ""
         window += f"; {limited}" if window and limited and check.holds is None else ""
         near = result.extra.get("crowded", {}).get("reason", "")
-        reasons = [r for r in (scarce, window, held.get("reason"), near) if r]
+        reasons = [r for r in (scarce, window, held.get("reason"), near, alone, result.extra.get("moved")) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []
         notes += [f"WARNING: {held['reason']}; record longer, or name a higher order"] if held.get("reason") else []
         notes += [f"WARNING: {near}; name a higher order, or record longer"] if near else []
-        notes += [CONFIRMED.format(check.past)] if confirmed else []
+        notes += [f"WARNING: {alone}; name a lower order, shorten --past, or record longer"] if alone else []
+        notes += [CONFIRMED.format(check.past)] if confirmed and not alone else []
         reasons += [f"input {name!r} acts within the sample and has no feedthrough" for name in made.missing]
         holds = (check.holds is True or confirmed) and not reasons
         facts |= {"bands_hold": holds, "bands_reason": "; ".join(reasons) or None, "window": check.to_json()}
     own = (f"WARNING: {n}" if scarce and n == scarce else n for n in result.notes)
     return replace(result, notes=(*own, *notes), extra=result.extra | facts)
+
+
+def _alone(others: Sequence[WindowFit], result: Identification) -> str:
+    """Return what is to be said of modes with deviations that no model of another window shows, else nothing."""
+    if not others:
+        return ""
+    told = [m for m in result.modes if m.eigenvalue.imag and m.frequency_std_hz is not None]
+    lone = [f"{m.frequency_hz:.3g} Hz" for m in told if not any(shows(o, m.eigenvalue) for o in others)]
+    if not lone:
+        return ""
+    windows = " or ".join(str(w) for w in sorted({f.past for f in others}))
+    return (
+        f"the {'mode' if len(lone) == 1 else 'modes'} near {', '.join(lone)} {'is' if len(lone) == 1 else 'are'} in no "
+        f"model of a past window of {windows} samples and may be noise: standard deviations do not hold"
+    )
 
 
 def _unlisted(check: WindowCheck, modes: Sequence[Mode]) -> str:
@@ -171,19 +202,6 @@ def _unlisted(check: WindowCheck, modes: Sequence[Mode]) -> str:
     return f"; no pole near {hertz:.3g} Hz is listed, since {why}"
 
 
-def _ladder(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:
-    ladder = climb(records, scaling, longest)
-    while longest > 1 and ladder.fitted.windows < 2 * (longest + 1) * scaling.channels:
-        longest = max(longest // 2, 1)  # missing samples left fewer windows than lengths promise
-        ladder = climb(records, scaling, longest)
-    if ladder.fitted.windows == 0 or ladder.held_out.windows == 0:
-        raise NotIdentifiable(
-            f"{records[0].source}: no complete window of {longest + 1} samples on either side of 70 % of it; "
-            "give --past and --feedthrough, or record without gaps"
-        )
-    return ladder
-
-
 def _with_past(
     ladder: Ladder, given: int | None, through: tuple[bool, ...], regularization: str | float, checked: bool,
     followed: bool,
@@ -191,9 +209,13 @@ def _with_past(
     """Return the window alone, chosen or as given, with the check of it."""
     if given is None:
         choice = choose_past(ladder, through, regularization, followed)
-        return Choices(choice.past, (), (choice.reason,), check=choice.check, past_reason=choice.reason)
-    check = check_window(ladder, given, through, regularization) if checked and ladder.longest >= given else None
-    return Choices(given, (), check=check)
+        check, others = choice.check, choice.others
+        return Choices(choice.past, (), (choice.reason,), check=check, past_reason=choice.reason, others=others)
+    if not checked or ladder.longest < given:
+        return Choices(given, ())
+    fits: dict[tuple[int, int | None], WindowFit] = {}
+    check = check_window(ladder, given, through, regularization, fits)
+    return Choices(given, (), check=check, others=others_of(fits, given))
 
 
 def _say(found: Feedthrough) -> str:

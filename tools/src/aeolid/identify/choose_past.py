@@ -14,28 +14,34 @@ power.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.durations import read_duration
-from aeolid.errors import UsageError
+from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.contrast import MOST, steps_to_pay
-from aeolid.identify.order import FIT_PART
+from aeolid.identify.missing import Completed, Trial
 from aeolid.identify.short_factors import product_factor, shorter
+from aeolid.identify.split import cut
 from aeolid.identify.truncation import LOWERED, WindowCheck, WindowFit, compare_windows, fit_window, held_out_power
-from aeolid.identify.windows import Scaling, WindowFactor
+from aeolid.identify.windows import Scaling, WindowFactor, triangularise, window_rows
 from aeolid.record import Record
 from aeolid.wording import counted
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 SHORTEST, LONGEST = 10, 400
 WIDEST = 640  # coefficients of the longest window tried: the work grows with their cube
 PARTS = 4  # windows that a recording must be as long as, for one of that length to be tried on it
 CARRIED = 0.5  # of all samples: recordings long enough for the longest window hold as many, the others add none to it
 A_COEFFICIENT = 4  # windows a coefficient of the longest window tried, 3 of 10 of them held out
 STEP = 2**0.5  # between windows tried
+NEAR = 0.2  # of |log z|: poles of models of two windows that are nearer are taken for one
+GROWS = 0.05  # of |log z|: what grows by more is no mode of a machine that ran
+LONGEST_JUDGED = 20_000  # held-out windows of a recording with missing cells; more change nothing
+CHUNK = 4096  # windows that are laid out at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +65,15 @@ class Ladder:
 
 @dataclass(frozen=True)
 class PastChoice:
-    """Hold the chosen window in samples, one sentence that says why, and whether a longer one confirms its poles."""
+    """Hold the chosen window in samples, one sentence that says why, and whether a longer one confirms its poles.
+
+    others: the models of other windows that it was held against.
+    """
 
     past: int
     reason: str
     check: WindowCheck
+    others: tuple[WindowFit, ...] = ()
 
 
 def read_past(text: str, sample_time_s: float) -> int | None:
@@ -100,11 +110,81 @@ def longest_past(records: Sequence[Record], channels: int) -> int:
     return longest
 
 
-def climb(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:
-    """Return the factors of all windows up to `longest` samples. Cost: 2 N m q operations."""
-    fitted = product_factor(records, scaling, longest, last=FIT_PART)
-    held_out = product_factor(records, scaling, longest, first=FIT_PART)
-    return Ladder(fitted, held_out, fitted.merge(held_out), records[0].sample_time_s)
+def climb(records: Sequence[Record], scaling: Scaling, longest: int, trial: Trial | None = None) -> Ladder:
+    """Return the factors of all windows up to `longest` samples.
+
+    trial: of the recordings whose missing cells were filled: of them come the factors that are fitted and held out,
+    these of windows with a measured target. Cost: 2 N m q operations, of held-out windows with a trial 2 N q².
+    """
+    heads, tails = cut(records if trial is None else trial.sets[0], scaling, longest)
+    fitted = product_factor(heads, scaling, longest)
+    if trial is None:
+        held_out = product_factor(tails, scaling, longest)
+        whole = fitted.merge(held_out)
+    else:
+        held_out = _measured_factor(tails, trial.measured, scaling, longest)
+        whole = product_factor(records, scaling, longest)
+    return Ladder(fitted, held_out, whole, records[0].sample_time_s)
+
+
+def ladder_of(known: Completed, scaling: Scaling, longest: int) -> Ladder:
+    """Return the factors of all windows up to `longest` samples, of fewer where gaps leave too few complete ones.
+
+    Raises NotIdentifiable where there is no complete window on either side of the cut, of no length.
+    """
+    while True:
+        ladder = climb(known.records, scaling, longest, known.trial)
+        enough = ladder.fitted.windows >= 2 * (longest + 1) * scaling.channels and ladder.held_out.windows > 0
+        if enough or longest == 1:
+            break
+        longest = max(longest // 2, 1)  # missing samples left fewer windows than lengths promise
+    if ladder.fitted.windows == 0 or ladder.held_out.windows == 0:
+        raise NotIdentifiable(
+            f"{known.records[0].source}: no two samples in a row hold every channel: {_said_missing(known.records)}; "
+            "give a channel that is missing for long the role 'ignore', or record without gaps"
+        )
+    return ladder
+
+
+def _said_missing(records: Sequence[Record]) -> str:
+    """Return which channel lacks most samples, and where it has any."""
+    names = records[0].names("input", "output")
+    known = [np.isfinite(r.columns(names)) for r in records]
+    count = np.sum([k.sum(axis=0) for k in known], axis=0)
+    j, i = int(np.argmin(count)), int(np.argmax([len(k) for k in known]))
+    at = np.flatnonzero(known[i][:, j])
+    total = sum(map(len, known))
+    where = ""
+    if len(at):
+        first, last = (records[i].time_s[k] for k in (at[0], at[-1]))
+        where = f", those of {records[i].source} from {first:g} s to {last:g} s"
+    return f"{names[j]!r} has {count[j]} of {total} samples{where}"
+
+
+def _measured_factor(
+    tails: Sequence[Record], measured: Sequence[Record], scaling: Scaling, past: int
+) -> WindowFactor:  # fmt: skip
+    """Return the factor of the windows (of LONGEST_JUDGED a recording at most) whose target was measured.
+
+    tails: held-out parts with filled cells; measured: the recordings as they were. A target is measured where all
+    outputs were; where no sample has all of them, where one was.
+    """
+    known = [
+        np.isfinite(m.slice(len(m) - len(t), len(m)).columns(scaling.outputs))
+        for t, m in zip(tails, measured, strict=True)
+    ]
+    together = any(bool(k[past:].all(axis=1).any()) for k in known)
+    width = (past + 1) * scaling.channels + 1
+    full, count = np.zeros((width, width)), 0
+    for tail, there in zip(tails, known, strict=True):
+        target: Flags = np.asarray(there.all(axis=1) if together else there.any(axis=1))
+        at, stop = past, past + LONGEST_JUDGED
+        for rows in window_rows(tail.slice(0, stop), scaling, past, CHUNK):
+            good = target[at : at + len(rows)] & np.isfinite(rows).all(axis=1)
+            at, used = at + len(rows), rows[good]
+            full = triangularise(np.vstack([full, np.hstack([np.ones((len(used), 1)), used])]))
+            count += len(used)
+    return WindowFactor(full, past, len(scaling.inputs), len(scaling.outputs), count, 0)
 
 
 def choose_past(
@@ -137,7 +217,7 @@ def choose_past(
         )
     if check.holds is None or past == ladder.longest:
         reason += f"; {ladder.longest} is the most that the data allow"
-    return PastChoice(past, reason, check)
+    return PastChoice(past, reason, check, others_of(fits, past))
 
 
 def window_within_chance(ladder: Ladder, through: tuple[bool, ...], regularization: str | float) -> int:
@@ -159,6 +239,11 @@ def _shortest(tried: list[int], losses: Array, allowed: float) -> int:
     return tried[int(np.flatnonzero(losses <= losses.min() + allowed)[0])]
 
 
+def others_of(fits: dict[tuple[int, int | None], WindowFit], past: int) -> tuple[WindowFit, ...]:
+    """Return the fits of other windows than one."""
+    return tuple(found for (window, _), found in fits.items() if window != past)
+
+
 def _can_follow(
     ladder: Ladder, past: int, through: tuple[bool, ...], regularization: str | float,
     fits: dict[tuple[int, int | None], WindowFit],
@@ -176,8 +261,9 @@ def check_window(
 ) -> WindowCheck:  # fmt: skip
     """Compare the poles of a window with those of twice and four times its length, as far as the ladder goes.
 
-    fits: those that are known, by window and order; added to. Where the ladder ends below half as much again, a shorter
-    window is compared, and holds is None where the poles still move.
+    fits: those that are known, by window and order; added to. Missing is only what both longer windows show
+    (`_witnessed`). Where the ladder ends below half as much again, a shorter window is compared, and holds is None
+    where the poles still move.
     """
     fits = {} if fits is None else fits
 
@@ -187,16 +273,42 @@ def check_window(
             fits[p, order] = fit_window(whole, halves, through, regularization, order)
         return fits[p, order]
 
-    twice = min(2 * past, ladder.longest)
+    twice, step = min(2 * past, ladder.longest), ladder.sample_time_s
     if twice < 1.5 * past:
-        return _by_shorter(fit, past, ladder.sample_time_s)
-    short, check = fit(past, None), None
-    for longer in sorted({twice, min(4 * past, ladder.longest)}):
-        check = compare_windows(short, [fit(longer, short.order), fit(longer, None)], ladder.sample_time_s)
+        return _by_shorter(fit, past, step)
+    short, windows = fit(past, None), sorted({twice, min(4 * past, ladder.longest)})
+    thirds = windows if len(windows) > 1 else [twice, round((past + twice) / 2)]
+    for longer in windows:
+        own = fit(longer, None)
+        sure = _witnessed(own, [fit(w, None) for w in thirds if w != longer])
+        check = compare_windows(short, [fit(longer, short.order), own, sure], step)
         if not check.holds:
-            return check
-    assert check is not None
+            break
     return check
+
+
+def _witnessed(found: WindowFit, others: Sequence[WindowFit]) -> WindowFit:
+    """Return a fit with the poles that do not grow by more than GROWS of their size and that all others show as well.
+
+    What one window alone shows is noise that its model describes, and a mode that grows is none of a machine that ran.
+    """
+    own, *seen = (_without_growing(f) for f in (found, *others))
+    return _taken(own, np.array([all(shows(o, p) for o in seen) for p in own.poles], dtype=bool))
+
+
+def _without_growing(found: WindowFit) -> WindowFit:
+    size = np.where(found.poles == 0, 1e-300, found.poles)
+    return _taken(found, np.log(abs(size)) <= GROWS * abs(np.log(size)))
+
+
+def _taken(found: WindowFit, which: NDArray[np.bool_]) -> WindowFit:
+    return replace(found, poles=found.poles[which], covariance=found.covariance[which])
+
+
+def shows(found: WindowFit, pole: complex) -> bool:
+    """Say whether a model has a pole within NEAR of the size of log z of another."""
+    own = np.log(complex(pole) or 1e-300)
+    return bool((abs(np.log(found.poles[found.poles != 0]) - own) <= NEAR * abs(own)).any())
 
 
 def _by_shorter(fit: Callable[[int, int | None], WindowFit], past: int, sample_time_s: float) -> WindowCheck:

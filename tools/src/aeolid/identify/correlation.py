@@ -12,7 +12,9 @@ from scipy.linalg import toeplitz
 from aeolid.decompositions import lstsq
 
 Array = NDArray[np.float64]
+NEARLY = 0.02  # of the largest variance over lags
 WHITENING_ORDER = 30  # of the autoregression that whitens an input before it is correlated
+FLOOR = 1e-4  # of an input's deviation: whitened rests below are rounding and the ends of windows, and noise is added
 
 
 def lagged_correlation(x: Array, past: Array, lags: int) -> Array:
@@ -25,12 +27,22 @@ def lagged_correlation(x: Array, past: Array, lags: int) -> Array:
 def whiten(u: Array, order: int = WHITENING_ORDER, lengths: Sequence[int] = ()) -> Array:
     """Return the prediction errors (N,) of an autoregression fitted to u; the first `order` samples are zero.
 
-    lengths: samples of the stretches that u is made of, default one; the first `order` samples of each are zero.
+    An input of few lines is predicted to rounding, whose correlations are those of no noise: where less than FLOOR of
+    its deviation is left, white noise of that size is added to it first, the same in every call. lengths: samples of
+    the stretches that u is made of, default one; the first `order` samples of each are zero.
     """
     u = u - u.mean()
     order = min(order, len(u) // 10)
     if order == 0 or not u.any():
         return u
+    left = _predicted(u, order, lengths)
+    if left.std() >= FLOOR * u.std():
+        return left
+    return _predicted(u + FLOOR * u.std() * np.random.default_rng(0).standard_normal(len(u)), order, lengths)
+
+
+def _predicted(u: Array, order: int, lengths: Sequence[int]) -> Array:
+    """Return the errors (N,) of an autoregression of u (N,) about its mean, zero for the first `order` of a stretch."""
     pieces = np.split(u, np.cumsum(lengths[:-1], dtype=np.intp))
     windows = [np.lib.stride_tricks.sliding_window_view(p[:-1], order) for p in pieces if len(p) > order]
     rows, target = np.concatenate(windows), np.concatenate([p[order:] for p in pieces])  # (N − pieces order, order)
@@ -87,3 +99,14 @@ def explained_share(rho: Array, own: Array) -> float:
     """
     weights = lstsq(toeplitz(own), rho, rcond=1e-10)
     return float(np.clip(rho @ weights, 0.0, 1.0))
+
+
+def free_of_spectrum(rho: Array, own: Array) -> tuple[float, int]:
+    """Return ρᵀ T⁺ ρ and the rank of T⁺: times N it is χ² of so many degrees for a white x, whatever the past signal.
+
+    rho, own: as in `explained_share`. Directions of T below NEARLY of its largest are left out: whitening leaves them
+    where an input is of few lines, and there the ends of the recording outweigh it.
+    """
+    values, vectors = np.linalg.eigh(toeplitz(own))
+    kept = values > NEARLY * values[-1]
+    return float(np.sum((vectors[:, kept].T @ rho) ** 2 / values[kept])), int(kept.sum())

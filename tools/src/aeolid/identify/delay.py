@@ -31,8 +31,9 @@ PAST = 20
 ROWS = 10_000  # windows used at most: enough for a lag of 1 % of an output, and a fraction of the cost of a fit
 PER_COLUMN = 3  # windows needed for each regressor
 PER_LAG = 15  # samples needed for each lag of the outputs and for each of them
-LEVEL = 0.05  # chance at which lags that are zero are kept for no reason; a delay is then found shorter than it is
-SHARP = 8.0  # times what the lags let go weigh at least, that a quarter more of them must: a start like t³ gives 5
+LEVEL = 1e-4  # chance at which lags that are zero all the same rule out their delay
+A_LAG = 8.0  # of Wald's statistic per lag and output that going without it is worth: of zero lags 0.5 % add more
+STEEP = 9.3  # power of the lags let go that what they weigh must outgrow, 8 times for a quarter more; tⁿ has 2 n + 1
 EXACT = 1e-10  # of an output's power: errors below it are rounding
 
 
@@ -80,9 +81,10 @@ def find_delays(
 def estimate_delays(records: Sequence[Record], past: int, feedthrough: Sequence[bool]) -> dict[str, int]:
     """Return the dead time of each input in samples, where the recordings show one of at least LEAST.
 
-    Inputs one after the other: what was found for one holds for the next. A delay is the longest for which leaving out
-    the lags within it raises the errors by no more than chance (Wald, level 5 %), if leaving out a quarter more raises
-    them SHARP times more than that. Too few windows for the regression: none.
+    Inputs one after the other: what was found for one holds for the next. A delay can be what leaves the errors as they
+    are but for chance where the lags within it are left out (Wald, LEVEL), and raises them steeply (STEEP) where a
+    quarter more are. Of several, the one of most lags left out, each worth A_LAG, less what they weigh. Too few windows
+    for the regression: none.
     """
     scaling = find_scaling(records)
     if not scaling.inputs:
@@ -145,14 +147,22 @@ def _leading_zeros(R: Array, kept: NDArray[np.bool_], lags: range, outputs: int,
     rest = S[:size, size:]
     added = np.einsum("ki,ij,kj->k", rest, weight, rest)[::-1][: len(mine)]  # by the youngest lag first
     weighs = np.cumsum(added)
-    count = np.arange(1, len(mine) + 1)
-    chance = chdtrc(outputs * count, weighs)
-    silent = np.flatnonzero(chance > LEVEL)
-    if not len(silent):
+    return _delay_of(weighs, outputs)
+
+
+def _delay_of(weighs: Array, outputs: int) -> int:
+    """Return the dead time that Wald's statistics (lags,) of leaving out the first 1, 2, … lags tell; 0 for none.
+
+    One chance in twenty that single zero lags weigh much is no reason to find none: every delay is tried, and may be
+    found shorter than it is, longer where the response begins within the noise.
+    """
+    delays = np.arange(LEAST, len(weighs) + 1)
+    beyond = delays - (-delays // 4)
+    delays, beyond = delays[beyond <= len(weighs)], beyond[beyond <= len(weighs)]
+    within = weighs[delays - 1]
+    silent = chdtrc(outputs * delays, within) > LEVEL
+    least = np.maximum(within, outputs * delays) * (beyond / delays) ** STEEP
+    fits = silent & (weighs[beyond - 1] > least)
+    if not fits.any():
         return 0
-    delay = int(silent[-1]) + 1
-    beyond = delay + max(1, -(-delay // 4))
-    if beyond > len(mine):
-        return 0
-    least = SHARP * max(weighs[delay - 1], outputs * delay)
-    return delay if weighs[beyond - 1] > least else 0
+    return int(delays[np.argmax(np.where(fits, A_LAG * outputs * delays - within, -np.inf))])

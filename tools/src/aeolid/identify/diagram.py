@@ -7,7 +7,6 @@ come straight from those of Ξ (`pole_spread`): a model more costs regressions o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +15,14 @@ from numpy.typing import NDArray
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.choose_past import Ladder, climb, longest_past, window_within_chance
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
-from aeolid.identify.order import FIT_PART, worth_a_state
+from aeolid.identify.missing import Completed
+from aeolid.identify.order import worth_a_state
 from aeolid.identify.pole_spread import Spreader
+from aeolid.identify.split import FIT_PART
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order, regressed_matrices
 from aeolid.identify.truncation import order_loss
 from aeolid.identify.windows import Scaling, WindowFactor, require_windows
 from aeolid.models.modes import continuous_poles, frequency_and_damping, pushed_to_modes
-from aeolid.record import Record
 from aeolid.wording import counted
 
 Array = NDArray[np.float64]
@@ -137,18 +137,19 @@ def shortest_window(ladder: Ladder) -> int:
     return window_within_chance(ladder, (), REGULARIZATION)
 
 
-def ladder_of(records: Sequence[Record], scaling: Scaling, past: int | None) -> Ladder:
+def ladder_of(known: Completed, scaling: Scaling, past: int | None) -> Ladder:
     """Return the factors of all windows of outputs alone: up to twice a given one, else as long as the data allow.
 
     Raises NotIdentifiable where there are too few samples. Cost: 2 N m q operations.
     """
+    records = known.records
     most = longest_past(records, scaling.channels)
     longest = most if past is None else max(min(round(past * LONGER[-1]), most), past)
     require_windows(records, longest if past is None else past, scaling.channels)
-    ladder = climb(records, scaling, longest)
+    ladder = climb(records, scaling, longest, known.trial)
     while longest > (past or 1) and ladder.fitted.windows < 2 * (longest + 1) * scaling.channels:
         longest = max(longest // 2, past or 1)  # missing samples left fewer windows than lengths promise
-        ladder = climb(records, scaling, longest)
+        ladder = climb(records, scaling, longest, known.trial)
     if ladder.fitted.windows <= (longest + 1) * scaling.channels or ladder.held_out.windows == 0:
         raise NotIdentifiable(
             f"{records[0].source}: {counted(ladder.fitted.windows, 'complete window')} of {longest + 1} samples "

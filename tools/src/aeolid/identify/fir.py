@@ -22,10 +22,20 @@ from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
-from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap, require_order
+from aeolid.identify.missing import Completed
+from aeolid.identify.order import (
+    OrderChoice,
+    about_mean,
+    errors_of,
+    held_out_stretches,
+    known_of,
+    largest_gap,
+    require_order,
+)
 from aeolid.identify.prepare import prepare
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.settings import make_settings
+from aeolid.identify.split import FIT_PART, cut
 from aeolid.identify.subspace import (
     ScaledModel,
     StateBasis,
@@ -41,7 +51,7 @@ from aeolid.record import Record
 from aeolid.wording import counted
 
 Array = NDArray[np.float64]
-GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
+GROUPS = 20  # stretches of each recording that are left out, one at a time
 BLOCKS_LEAST = 4  # of p samples that must be held out
 FORGOTTEN = 0.02  # of the slowest mode after the past window; with more left the window is too short
 
@@ -99,7 +109,7 @@ def identify_fir(
     estimate = estimate_markov(whole, through, regularization)
     require_excitation(estimate, source)
     basis = find_states(whole, estimate.theta, settings.future)
-    choice = _order(settings, merged(parts[: round(FIT_PART * GROUPS)]), records, scaling, through, basis)
+    choice = _order(settings, prepared.completed, scaling, through, basis)
     require_order(choice.order, largest_useful_order(basis), source)
     require_own_excitation(whole, scaling.inputs, choice.order, through, source)
     T = basis.state_map(choice.order)
@@ -128,13 +138,15 @@ def identify_fir(
 
 
 def _order(
-    settings: Settings, fitted: WindowFactor, records: Sequence[Record], scaling: Scaling, through: tuple[bool, ...],
-    basis: StateBasis,
-) -> OrderChoice:  # fmt: skip
+    settings: Settings, completed: Completed, scaling: Scaling, through: tuple[bool, ...], basis: StateBasis
+) -> OrderChoice:
     if settings.order is not None:
         return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
+    trial = completed.trial
+    records, measured = (completed.records, ()) if trial is None else (trial.sets[0], trial.measured)
+    fitted = InputFactor.of(factorise(cut(records, scaling, settings.past)[0], scaling, settings.past))
     theta = estimate_markov(fitted, through, settings.regularization).theta
-    held_out = held_out_stretches(records, scaling, settings.past)
+    held_out = held_out_stretches(records, scaling, settings.past, measured=measured)
     return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through, basis)
 
 
@@ -202,13 +214,13 @@ def _block_errors(factor: WindowFactor, T: Array, held_out: Sequence[Array], fee
     """Return the mean squared error of free runs in blocks of p samples, infinite where a run diverges."""
     model, p, r, found = fit_matrices(factor, T, feedthrough), factor.past, factor.inputs, []
     for z in held_out:
-        u, y = z[p:, :r], z[p:, r:]
+        u, y = z[p:, :r], z[p:, -factor.outputs :]  # as measured
         with np.errstate(all="ignore"):
             x = run_states(model.A, u @ model.B.T, T @ z[:p, :r].ravel())[:-1]
-            e = y - x @ model.C.T - u @ model.D.T
-            e = e - e.mean(axis=0)
-        whole = len(e) // p * p
-        found.append((e[:whole] ** 2).reshape(-1, p * e.shape[1]).mean(axis=1))
+            e = errors_of(y, x @ model.C.T + u @ model.D.T)
+            squares = about_mean(e) ** 2
+        blocks = [slice(k, k + p) for k in range(0, len(e) - p + 1, p)]
+        found.append(np.array([squares[b].sum() / max(known_of(e[b]).sum(), 1.0) for b in blocks]))
     errors = np.concatenate(found)
     return np.where(np.isfinite(errors), errors, 1e300)
 

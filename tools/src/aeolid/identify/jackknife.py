@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.errors import NotIdentifiable
 from aeolid.identify.outcome import nearest
 from aeolid.identify.windows import WindowFactor
 
@@ -47,7 +48,7 @@ def jackknife(
     for factor in leave_one_out(factors):
         try:
             others = estimate(factor)
-        except np.linalg.LinAlgError:
+        except (np.linalg.LinAlgError, NotIdentifiable):
             return np.full((n, 2, 2), np.nan)
         found.append(others[nearest(poles, others)])
     z = np.array(found)  # (G, n)

@@ -19,10 +19,11 @@ from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER
 from aeolid.identify.heard import Heard
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
-from aeolid.identify.order import FIT_PART, choose_order
+from aeolid.identify.order import choose_order
 from aeolid.identify.outcome import nearest
 from aeolid.identify.propagator import BATCH, LONGEST_MEMORY, Propagator
 from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, Moments, joint_spread, known_share, remainder
+from aeolid.identify.split import FIT_PART
 from aeolid.identify.streamed import GROWTH_MAX
 from aeolid.identify.subspace import ScaledModel, StateBasis, find_states, gamma_k
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance

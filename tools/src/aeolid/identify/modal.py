@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from aeolid.identify.diagram import Diagram, Pole, draw_up, ladder_of, shortest_
 from aeolid.identify.harmonics import marked
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.output_only import ALL, of_outputs_alone
-from aeolid.identify.prepare import at_a_glance
+from aeolid.identify.prepare import at_a_glance, slower
 from aeolid.identify.request_checks import check_whole
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.identify.uncertainty import covariance_of
@@ -35,7 +36,6 @@ from aeolid.models.blade_sets import in_fixed_frame
 from aeolid.models.fill_values import told_with, without_fill_values
 from aeolid.models.modes import Mode
 from aeolid.models.prediction import complete_stretches
-from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import Shape, index_of_reference
 from aeolid.models.wire_frame import complexity_lines, geometry_facts
 from aeolid.record import Record
@@ -192,9 +192,10 @@ def _found(
     """Find the modes as `find_modal`, fill values missing already."""
     alone = of_outputs_alone(in_fixed_frame(records, blades), outputs)
     at = index_of_reference(alone[0].names("output"), reference)
-    seen = [decimate_causally(r, decimation) for r in at_a_glance(alone, "auto", "offset", "auto")]
+    known = at_a_glance(alone, "auto", "offset", "auto").each(partial(slower, factor=decimation))
+    seen = known.records
     scaling = find_scaling(seen)
-    ladder = ladder_of(seen, scaling, past)
+    ladder = ladder_of(known, scaling, past)
     window, criteria = past or shortest_window(ladder), criteria or Criteria()
     while True:
         found = _gathered(draw_up(ladder, scaling, window, largest), criteria, seen, records, at)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
+from aeolid.identify.split import FIT_PART, border_of
 from aeolid.identify.subspace import ScaledModel, StateBasis, largest_useful_order, system_matrices
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.prediction import complete_stretches
@@ -21,7 +23,6 @@ from aeolid.models.recursion import run_states
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
-FIT_PART = 0.7  # of each recording; the rest chooses the order
 TOLERANCE = 0.02  # a larger order must lower the held-out error power by more than this, per output
 LONGEST = 20_000  # samples of each recording that are predicted; more change nothing
 RESOLVED = 1e-10  # of an output's power; errors below are digits of the recording (binary32), not worth a state
@@ -106,15 +107,39 @@ def by_gap_alone(gap: int, text: str) -> OrderChoice:
     return OrderChoice(gap, f"order {gap}: {text}; too few samples to hold some out", ())
 
 
-def held_out_stretches(records: Sequence[Record], scaling: Scaling, past: int, part: float = FIT_PART) -> list[Array]:
-    """Return the scaled complete stretches (N, m) behind `part` of each recording, p samples of run-in included."""
+def held_out_stretches(
+    records: Sequence[Record], scaling: Scaling, past: int, *, everything: bool = False,
+    measured: Sequence[Record] = (),
+) -> list[Array]:  # fmt: skip
+    """Return the scaled complete stretches (N, m) behind the fit part of each recording, p samples of run-in included.
+
+    everything: of whole recordings instead. measured: the recordings before missing cells were filled, if any were:
+    their outputs, not a number where missing, then follow behind the channels, (N, m + l).
+    """
+    outputs = slice(len(scaling.inputs), len(scaling.inputs) + len(scaling.outputs))
     stretches = []
-    for record in records:
-        start = max(round(part * len(record)) - past, 0)
-        columns = [i for name in scaling.names for i, c in enumerate(record.channels) if c.name == name]
-        z = scaling.apply(record.values[start : start + LONGEST, columns])
-        stretches += [z[a:b] for a, b in complete_stretches(z, past + 10)]
+    for record, as_measured in zip_longest(records, measured):
+        start = 0 if everything else max(border_of(record, scaling, past) - past, 0)
+        z = scaling.apply(record.columns(scaling.names))[start : start + LONGEST]
+        spans = complete_stretches(z, past + 10)
+        if as_measured is not None:
+            y = as_measured.columns(scaling.outputs)[start : start + LONGEST]
+            z = np.hstack([z, (y - scaling.offset[outputs]) / scaling.scale[outputs]])
+        stretches += [z[a:b] for a, b in spans]
     return stretches
+
+
+def parts_of(z: Array, factor: WindowFactor) -> tuple[Array, Array, Array, Array]:
+    """Return a stretch's run-in (p m,), and behind it u (N, r), y (N, l) and y as measured, y where z has no other."""
+    past, inputs, channels = factor.past, factor.inputs, factor.channels
+    y = z[past:, inputs : inputs + factor.outputs]
+    return z[:past, :channels].ravel(), z[past:, :inputs], y, z[past:, channels:] if z.shape[1] > channels else y
+
+
+def count_measured(stretches: Sequence[Array], factor: WindowFactor) -> int:
+    """Return how many samples behind the run-in of stretches were measured, of the output that has the fewest."""
+    known = [np.isfinite(parts_of(z, factor)[3]).sum(axis=0) for z in stretches if len(z) > factor.past]
+    return int(np.sum(known, axis=0).min()) if known else 0
 
 
 def choose_held_out(
@@ -127,7 +152,7 @@ def choose_held_out(
     so that outputs of any size count alike. None without held-out samples.
     """
     most = min(most, largest_useful_order(basis))
-    predicted = sum(max(len(z) - fitted.past, 0) for z in held_out)  # the first p samples of a stretch are its run-in
+    predicted = count_measured(held_out, fitted)  # the first p samples of a stretch are its run-in
     if most == 0 or predicted < HELD_OUT_LEAST * fitted.channels:
         return None
     losses = [_log_powers(fitted, basis, n, held_out, feedthrough)[0] for n in range(1, most + 1)]
@@ -193,13 +218,13 @@ def _log_powers(
     factor: WindowFactor, basis: StateBasis, order: int, stretches: Sequence[Array], feedthrough: tuple[bool, ...]
 ) -> tuple[float, int]:
     """Return the mean log error power per output of the predictor of an order, and the samples it was taken over."""
-    power, samples = np.zeros(factor.outputs), 0
+    power, samples = np.zeros((2, factor.outputs))
     for e in predictor_errors(factor, basis, order, stretches, feedthrough):
         with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
-            power += ((e - e.mean(axis=0)) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
-        samples += len(e)
-    mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
-    return float(np.mean(np.log(np.maximum(mean, RESOLVED)))), samples
+            power += (about_mean(e) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
+        samples += known_of(e)
+    mean = np.where(np.isfinite(power), power / np.maximum(samples, 1), np.inf)
+    return float(np.mean(np.log(np.maximum(mean, RESOLVED)))), round(float(samples.mean()))
 
 
 def predictor_errors(
@@ -207,14 +232,33 @@ def predictor_errors(
 ) -> Iterator[Array]:
     """Yield the one-step errors (N, l) of the predictor of an order on each stretch, scaled units.
 
-    Each stretch starts from the window before its first sample. A predictor that diverges yields what is not finite.
+    Each stretch starts from the window before its first sample. An output that was not measured has the error NaN, one
+    whose prediction diverges an infinite one.
     """
-    T, past, inputs = basis.state_map(order), factor.past, factor.inputs
+    T = basis.state_map(order)
     model: ScaledModel = system_matrices(factor, T, feedthrough)
     for z in stretches:
-        x0 = T @ z[:past].ravel()
-        u, y = z[past:, :inputs], z[past:, inputs : inputs + len(model.C)]
+        before, u, y, measured = parts_of(z, factor)
         forced = u @ (model.B - model.K @ model.D).T + y @ model.K.T
         with np.errstate(all="ignore"):
-            states = run_states(model.A - model.K @ model.C, forced, x0)[:-1]
-            yield y - states @ model.C.T - u @ model.D.T
+            states = run_states(model.A - model.K @ model.C, forced, T @ before)[:-1]
+            yield errors_of(measured, states @ model.C.T + u @ model.D.T)
+
+
+def errors_of(measured: Array, predicted: Array) -> Array:
+    """Return the errors (N, l), NaN where nothing was measured, and infinite where the prediction is not finite."""
+    lost = ~np.isfinite(predicted)
+    return np.where(np.isfinite(measured), np.where(lost, np.inf, measured - predicted), np.nan)
+
+
+def known_of(e: Array) -> Array:
+    """Return how many errors (N, l) of each output there are, (l,)."""
+    out: Array = (~np.isnan(e)).sum(axis=0).astype(np.float64)
+    return out
+
+
+def about_mean(e: Array) -> Array:
+    """Return errors (N, l) about the mean of each output, those of outputs that were not measured zero."""
+    known = ~np.isnan(e)
+    mean = np.where(known, e, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return np.where(known, e - mean, 0.0)

@@ -15,7 +15,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.identify.order import RESOLVED, TOLERANCE, OrderChoice, predictor_errors
+from aeolid.identify.order import (
+    RESOLVED,
+    TOLERANCE,
+    OrderChoice,
+    about_mean,
+    errors_of,
+    known_of,
+    parts_of,
+    predictor_errors,
+)
 from aeolid.identify.subspace import StateBasis, regressed_matrices
 from aeolid.identify.windows import WindowFactor
 from aeolid.models.divergence import growing
@@ -88,21 +97,21 @@ def free_errors(
     fitted: WindowFactor, head: StateBasis, order: int, held_out: Sequence[Array], feedthrough: tuple[bool, ...]
 ) -> Iterator[Array]:
     """Yield the errors (N, l) of a free run on each held-out stretch, from the window before its first sample on."""
-    T, past, inputs = head.state_map(order), fitted.past, fitted.inputs
+    T = head.state_map(order)
     model = regressed_matrices(fitted, T, feedthrough)
     for z in held_out:
-        u, y = z[past:, :inputs], z[past:, inputs : inputs + fitted.outputs]
+        before, u, _, measured = parts_of(z, fitted)
         with np.errstate(all="ignore"):
-            states = run_states(model.A, u @ model.B.T, T @ z[:past].ravel())[:-1]
-            yield y - states @ model.C.T - u @ model.D.T
+            states = run_states(model.A, u @ model.B.T, T @ before)[:-1]
+            yield errors_of(measured, states @ model.C.T + u @ model.D.T)
 
 
 def _block_powers(errors: Iterator[Array]) -> Array:
     """Return the mean power of each output's error about its mean in each of the blocks of samples, (BLOCKS, l)."""
     with np.errstate(all="ignore"):
         e = np.concatenate(list(errors))
-        e = e - e.mean(axis=0)
-        return np.array([(part**2).mean(axis=0) for part in np.array_split(e, BLOCKS)])
+        blocks = zip(np.array_split(about_mean(e), BLOCKS), np.array_split(e, BLOCKS), strict=True)
+        return np.array([(part**2).sum(axis=0) / np.maximum(known_of(own), 1) for part, own in blocks])
 
 
 def _alike(powers: Array, reference: Array) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from aeolid.errors import UsageError
@@ -75,23 +76,26 @@ def prepare(records: Sequence[Record], settings: Settings, delays: Mapping[str, 
         cleaned = remove_spikes(records, settings.past, settings.robust)
         done = Completed(cleaned.records) if keep else complete(cleaned.records, settings.past)
         spikes, notes = cleaned.cells, [n for n in (cleaned.note, done.note) if n]
-    sets = [detrend(s, settings.detrend, span) for s in (done.records, *done.others)]
+    done = done.each(partial(detrend, kind=settings.detrend, past_samples=span))
     if settings.detrend in ("linear", "high-pass"):
         notes.append(f"slow motion was taken off inputs and outputs alike ({settings.detrend})")
-    slow = [[decimate_causally(r, factor) for r in s] for s in sets]
-    found = find_delays(slow[0], settings.past, settings.feedthrough, delays)
-    first, *others = (without_delays(s, found) for s in slow)
+    slow = done.each(partial(slower, factor=factor))
+    found = find_delays(slow.records, settings.past, settings.feedthrough, delays)
     facts = {"spikes": spikes, "cells_drawn": done.cells, "information": done.information}
-    done = replace(done, records=first, others=tuple(others))
-    return Prepared(records, slow[0], done, found, delays == "auto", tuple(notes), {"preparation": facts})
+    done = slow.each(partial(without_delays, delays=found))
+    return Prepared(records, slow.records, done, found, delays == "auto", tuple(notes), {"preparation": facts})
 
 
-def at_a_glance(records: Sequence[Record], missing: str, detrending: str, robust: str) -> Sequence[Record]:
-    """Return the recordings as they will be, for what is chosen before a window is known: cells are drawn once.
+def slower(records: Sequence[Record], factor: int) -> list[Record]:
+    """Return the recordings at a rate lowered by a whole factor; see `decimate_causally`."""
+    return [decimate_causally(r, factor) for r in records]
+
+
+def at_a_glance(records: Sequence[Record], missing: str, detrending: str, robust: str) -> Completed:
+    """Return the recordings as they will be, for what is chosen before a window is known.
 
     Raises as `complete`.
     """
     records = remove_spikes(records, GLANCE, robust).records
-    if missing != "leave-out":
-        records = complete(records, GLANCE).records
-    return records if detrending == "high-pass" else detrend(records, detrending, GLANCE)
+    done = Completed(records) if missing == "leave-out" else complete(records, GLANCE)
+    return done if detrending == "high-pass" else done.each(partial(detrend, kind=detrending, past_samples=GLANCE))

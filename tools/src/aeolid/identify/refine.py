@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ from aeolid.decompositions import lstsq
 from aeolid.identify.descent import ENOUGH, MOST_STEPS, column_scale, covariance_root, descend, usable
 from aeolid.identify.error_weight import RESOLVED, least_of, log_det, weight_of
 from aeolid.identify.extended import Samples
-from aeolid.identify.order import FIT_PART
 from aeolid.identify.sensitivity import Coordinates, chunk_length, error_derivatives, unpack
+from aeolid.identify.split import FIT_PART, border
 from aeolid.identify.subspace import ScaledModel, move_inside, rest_of, spectral_radius
 from aeolid.identify.uncertainty import MatrixSpread
 from aeolid.identify.windows import triangularise
@@ -128,14 +129,15 @@ class Refinement:
 
 
 def cut_stretches(samples: Samples) -> list[Stretch]:
-    """Return the stretches of an experiment set, the first 70 % of each recording marked as its fit part."""
+    """Return the stretches of an experiment set, with the samples of each that lie in the fit part of its recording."""
     edges = np.cumsum([0, *samples.lengths])
+    known = np.where(samples.used(0)[:, None], samples.x, np.nan)
+    borders = [a + border(known[a:b], 0) for a, b in pairwise(edges)]
     out = []
     for a, b in zip(samples.starts, samples.stops, strict=True):
         record = int(np.searchsorted(edges, a, side="right")) - 1
-        border = edges[record] + round(FIT_PART * samples.lengths[record])
         z = samples.x[a:b]
-        out.append(Stretch(z[:, : samples.inputs], z[:, samples.inputs :], int(np.clip(border - a, 0, b - a))))
+        out.append(Stretch(z[:, : samples.inputs], z[:, samples.inputs :], int(np.clip(borders[record] - a, 0, b - a))))
     return out
 
 

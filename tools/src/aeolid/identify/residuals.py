@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from aeolid.identify.correlation import Spaced, explained_share, whiten
+from aeolid.identify.correlation import Spaced, explained_share, free_of_spectrum, whiten
 from aeolid.identify.feedthrough import LOOP_LEVEL, lag_zero, loop_p_value
 from aeolid.wording import counted
 
@@ -87,17 +87,19 @@ class ResidualReport:
 
 def run_residual_tests(
     innovations: Array, u: Array, outputs: tuple[str, ...], inputs: tuple[str, ...], lags: int = 20,
-    nrmse: Mapping[str, float] | None = None, lengths: Sequence[int] = (), order: int = 0,
+    nrmse: Mapping[str, float] | None = None, lengths: Sequence[int] = (), order: int = 0, estimated: float = 0.0,
 ) -> ResidualReport:  # fmt: skip
     """Correlate each innovation with the past of all innovations and of all inputs.
 
     innovations (N, l), not a number where missing, u (N, r) of stretches of these lengths, default one: of several
     those count that are much longer than lags and the order of the model, whose first states take a part of the
     innovations that looks like memory; no lag joins two of them. lags: 1 … 20 samples back. Only the past counts, so
-    feedback from y to u is no alarm. Inputs are whitened by an autoregression first: the sum N Σ ρ² is then χ² with
-    `lags` degrees of freedom whatever the input's spectrum. Level 1 % over all tests together (Holm). nrmse: rms of
-    each innovation over its output's deviation, default: none is at rounding. Where fewer than LONG times lags and
-    order samples are known a test that does not fail decides nothing.
+    feedback from y to u is no alarm. Inputs are whitened by an autoregression first, and what that leaves is
+    taken into account (`free_of_spectrum`), so that the statistic is χ² whatever the input's spectrum. Level 1 % over
+    all tests together (Holm). nrmse: rms of each innovation over its output's deviation, default: none is at rounding.
+    estimated: part of an innovation's variance that errors of estimated parameters add on fresh samples, 0 of an exact
+    model: it is taken off what is predictable, and statistics are taken down by what it adds to their mean. Where fewer
+    than LONG times lags and order samples are known a test that does not fail decides nothing.
     """
     needed = LONG * (lags + order)
     innovations, u, lengths = _long_enough(innovations, u, lengths, lags + order)
@@ -116,19 +118,30 @@ def run_residual_tests(
             found.append((output, other, "whiteness", *e[i].after(e[j], lags)))
         for j, name in enumerate(inputs):
             found.append((output, name, "input", *e[i].after(v[j], lags)))
-    statistics = np.array([float(np.sum(known * rho**2)) for *_, rho, known in found])
-    p_values = _holm(chdtrc(lags, statistics))
+    statistics, degrees = np.array([_statistic(*f, sources) for f in found]).T
+    pairs = np.array([known.mean() for *_, known in found])
+    p_values = _holm(chdtrc(degrees, statistics / (1.0 + pairs * estimated / degrees)))
     part = _longest(lengths)
     at_mean = np.where(np.isfinite(innovations), innovations, np.nanmean(innovations, axis=0))
     tests = _within_the_sample(at_mean[part], u[part], white[part], outputs, inputs, nrmse)
     for (output, other, kind, rho, known), statistic, p in zip(found, statistics, p_values, strict=True):
-        predictable = max(explained_share(rho, sources[other]) - lags / known.mean(), 0.0)
+        predictable = max(explained_share(rho, sources[other]) - lags / known.mean() - estimated, 0.0)
         material = predictable > MATERIAL and (nrmse is None or not nrmse[output] < EXACT)
         verdict = "pass" if p > LEVEL else "fail" if material else "immaterial"
         verdict = "undecided" if verdict != "fail" and known.mean() < needed else verdict
         tests.append(ResidualTest(output, other, kind, float(statistic), float(p), predictable, verdict))
     samples = int(min(known.mean() for *_, known in found))
     return ResidualReport(tuple(tests), lags, LEVEL, samples=samples, needed=needed)
+
+
+def _statistic(
+    _: str, other: str, kind: str, rho: Array, known: Array, sources: Mapping[str, Array]
+) -> tuple[float, int]:  # fmt: skip
+    """Return what is χ² on an exact model, and its degrees of freedom."""
+    if kind == "whiteness":
+        return float(np.sum(known * rho**2)), len(rho)
+    size, degrees = free_of_spectrum(rho, sources[other])
+    return float(known.mean()) * size, degrees
 
 
 def _long_enough(e: Array, u: Array, lengths: Sequence[int], least: int) -> tuple[Array, Array, tuple[int, ...]]:

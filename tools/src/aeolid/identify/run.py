@@ -22,6 +22,7 @@ from aeolid.record import require_distinct
 if TYPE_CHECKING:
     from aeolid.identify.choices import Choices
     from aeolid.identify.lpv import LpvIdentification
+    from aeolid.identify.missing import Completed
     from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
     from aeolid.identify.streamed import StreamedMarkov
@@ -80,7 +81,7 @@ def _identified(records: Sequence[Record], request: Request, streamed: StreamedM
         own |= _contrast_for(request, made)
     with tell(f"identifying with a past window of {made.past} samples"):
         run = partial(_run_method, request.method, records, common, own, streamed)
-        result = with_choices_made(identify_soundly(run, seen, request.stable, request.allow_unstable), made)
+        result = with_choices_made(identify_soundly(run, seen.records, request.stable, request.allow_unstable), made)
         alone = () if records[0].names("input") else (NOTE,)
         told = (
             *result.notes,
@@ -135,27 +136,28 @@ def _turn_angles(
 
 def _at_a_glance(
     request: Request, records: Sequence[Record], streamed: StreamedMarkov | None
-) -> Sequence[Record]:  # fmt: skip
+) -> Completed:  # fmt: skip
     """Return the recordings as varx and varmax will take them, for choices before the fit and the free run after it."""
+    from aeolid.identify.missing import Completed
     from aeolid.identify.prepare import at_a_glance
 
     if request.method not in CHOOSING[:2] or streamed is not None:
-        return records
+        return Completed(records)
     first = PREPARED | request.given(*PREPARED)
     return at_a_glance(records, first["missing"], first["detrend"], first["robust"])
 
 
 def _choose(
-    request: Request, records: Sequence[Record], through: Sequence[str] | None, streamed: StreamedMarkov | None
+    request: Request, seen: Completed, through: Sequence[str] | None, streamed: StreamedMarkov | None
 ) -> Choices:
     """Return window, dead times and feedthrough; of ort, whose mask is of its own, and of lpv the window alone.
 
-    records: as `_at_a_glance` gives them.
+    seen: recordings as `_at_a_glance` gives them.
     """
     from aeolid.identify.choices import Choices, choose
     from aeolid.identify.choose_past import read_past
 
-    method, past, given = request.method, str(request.past), list(through or ())
+    method, past, given, records = request.method, str(request.past), list(through or ()), seen.records
     named: list[str] | str = "auto" if through is None or given == ["auto"] else given
     if named == ["none"]:
         named = []
@@ -165,7 +167,7 @@ def _choose(
         return choose(
             records, past, named, decimation=request.decimate, regularization=request.common()["regularization"],
             checked=method != "fir", markov=streamed, delays=request.delays(streamed=streamed is not None),
-            followed=_followed(request, streamed),
+            followed=_followed(request, streamed), completed=seen,
         )  # fmt: skip
     window = read_past(past, records[0].sample_time_s * request.decimate) or 0
     return Choices(window, () if named == "auto" else tuple(named))

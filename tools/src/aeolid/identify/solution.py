@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import UsageError
 from aeolid.identify.markov import estimate_markov
-from aeolid.identify.order import choose_held_out, held_out_stretches
+from aeolid.identify.order import about_mean, choose_held_out, errors_of, known_of, parts_of
 from aeolid.identify.subspace import find_states, largest_useful_order, system_matrices
 from aeolid.identify.windows import WindowFactor
 from aeolid.models.recursion import run_states
@@ -59,7 +59,7 @@ def choose_solution(
     whole = estimate_markov(windows.whole, through, settings.regularization)
     if settings.solution == "smallest" or settings.markov is not None or whole.rank == whole.regressors:
         return windows, (), {"solution": {"value": "smallest"}}
-    stretches = held_out_stretches(windows.records, windows.scaling, settings.past)
+    stretches = windows.held_out()
     losses = {s: _loss(windows.fitted, through, settings, s, stretches, most) for s in SOLUTIONS[1:]}
     taken = better(losses["smallest"], losses["pivoted"])
     means = {k: float(v.mean()) if np.isfinite(v).all() else None for k, v in losses.items()}
@@ -97,24 +97,23 @@ def _loss(
     if order is None or not 0 < order <= largest_useful_order(basis):
         return unknown
     T = basis.state_map(order)
-    model, past, r = system_matrices(fitted, T, through), fitted.past, fitted.inputs
-    steps, outputs = AHEAD * past, model.C.shape[0]
-    power, samples = np.zeros((2, outputs)), 0
+    model, steps = system_matrices(fitted, T, through), AHEAD * fitted.past
+    power, samples = np.zeros((2, 2, fitted.outputs))
     for z in held_out:
-        u, y = z[past:, :r], z[past:, r : r + outputs]
+        before, u, y, measured = parts_of(z, fitted)
         if len(u) <= steps:
             continue
         forced = u @ (model.B - model.K @ model.D).T + y @ model.K.T
         with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
-            x = run_states(model.A - model.K @ model.C, forced, T @ z[:past].ravel())[:-1]
-            near = y - x @ model.C.T - u @ model.D.T
+            x = run_states(model.A - model.K @ model.C, forced, T @ before)[:-1]
+            near = errors_of(measured, x @ model.C.T + u @ model.D.T)
             x = x[: len(u) - steps]
             for k in range(steps):
                 x = x @ model.A.T + u[k : k + len(x)] @ model.B.T
-            far = y[steps:] - x @ model.C.T - u[steps:] @ model.D.T
-            power += [((e - e.mean(axis=0)) ** 2).mean(axis=0) * len(x) for e in (near, far)]
-        samples += len(x)
-    if not samples or not np.isfinite(power).all():
+            far = errors_of(measured[steps:], x @ model.C.T + u[steps:] @ model.D.T)
+            power += [(about_mean(e) ** 2).sum(axis=0) for e in (near, far)]
+        samples += [known_of(e) for e in (near, far)]
+    if not samples.all() or not np.isfinite(power).all():
         return unknown
     out: Array = np.log(np.maximum(power / samples, np.finfo(float).tiny))
     return out

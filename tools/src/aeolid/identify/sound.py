@@ -32,9 +32,14 @@ BAND = 3.0  # standard deviations of a pole's size within which the unit circle 
 SLOW = 1.0  # |log z| p: growth by e, or a radian, within the past window
 STABILISED = ("varx", "varmax", "ort")  # methods with a model whose poles can be moved inside
 MOVED = (
-    "poles outside the unit circle were moved inside, as --stable does: a free run is lost by them, and within their "
-    "bands or the past window they cannot be told from an integrator's (--allow-unstable leaves them)"
+    "poles outside the unit circle were moved inside, as --stable does: a free run is lost by them, and {} they cannot "
+    "be told from an integrator's (--allow-unstable leaves them); gains below their frequency and deviations do not "
+    "hold"
 )
+WITHIN_BANDS = "within their bands"
+WITHIN_WINDOW = "within the past window and by one-step errors"
+WORSE = "; the move raises the one-step error power of {} by {:.2g} %"
+TOLD_APART = " With every pole inside the unit circle the one-step error power of {} is {:.2g} % higher: it grows."
 REMEDY = (
     "lower the order, lengthen the past window (--past) or the sample (--decimate), or ask for --stable; "
     "--allow-unstable writes the model as it is, which is right for a plant that only its controller holds"
@@ -48,7 +53,9 @@ class Unsound:
     divergence: None where no output leaves the recorded range by far; missed: the NRMSE of outputs whose run is off by
     more than ten standard deviations; lost: whether an output leaves and stays away, or is not finite; outside: whether
     a pole lies outside the unit circle by more than its band, and grows faster than the window would show; integrates:
-    whether there are growing poles and none of them is outside, so that they cannot be told from integrators.
+    whether there are growing poles and none of them is outside, so that they cannot be told from integrators; growing:
+    how many poles grow tenfold within the recording; banded: whether the band of each of them reaches the unit circle,
+    so that not the past window alone excuses one; reason: what else speaks for growth.
     """
 
     source: str
@@ -57,6 +64,9 @@ class Unsound:
     lost: bool
     outside: bool
     integrates: bool
+    growing: int = 0
+    banded: bool = True
+    reason: str = ""
 
     @property
     def refused(self) -> bool:
@@ -66,7 +76,7 @@ class Unsound:
     def text(self) -> str:
         """Return one sentence on what happens."""
         if self.divergence is not None:
-            return f"{self.source}: {self.divergence.text()}"
+            return f"{self.source}: {self.divergence.text()}{self.reason}"
         off = ", ".join(f"{name} by {size:.3g} of its standard deviations" for name, size in self.missed.items())
         return f"{self.source}: the free run on the recording itself misses {off} and is no simulation of it."
 
@@ -78,9 +88,9 @@ def judge(
 
     records are brought to the model's sample time; of each the longest stretch with every input is run, 200 000 samples
     at most. A pole outside the unit circle counts where its mode grows tenfold within the run, by its band where the
-    modes have deviations; where they have none, and for scheduled models, the run decides. So it does for a pole that
-    neither grows nor turns by more than SLOW within the past window (past, samples): whether it is one of an integrator
-    is beyond what the window shows, and its band does not hold the error of the window.
+    modes have deviations; where they have none, and for scheduled models, the run decides. A pole that neither grows
+    nor turns by more than SLOW within the past window (past, samples) is not outside by its band alone, which does not
+    hold the error of the window: one-step errors say whether it can be moved inside (`identify_soundly`).
     """
     runs = LpvModel(model) if isinstance(model, LpvStateSpace) else LinearModel(model)
     found = []
@@ -99,17 +109,54 @@ def identify_soundly(run: Callable[[bool], Result], records: Sequence[Record], s
     """Identify by run(stable) and refuse a model that is unsound on its own recordings unless that is allowed.
 
     Growing poles that cannot be told from integrators, and lose a free run, are moved inside by run(True), where the
-    method can, and the notes say so. Raises NotIdentifiable with what happens and what to do.
+    method can; a warning says so, and in the facts under "moved" why deviations no longer hold. A pole whose band does
+    not reach the unit circle, excused by a short past window, is moved only where that costs no more of the one-step
+    errors than chance; where it costs more the plant grows, and the model is refused.
+    Raises NotIdentifiable with what happens and what to do.
     """
     result = run(stable)
-    moved: tuple[str, ...] = ()
+    moved = ""
     found = judge(result.model, result.modes, records, result.settings.past)
     movable = result.settings.to_json()["method"] in STABILISED and not (stable or allowed)
     if found is not None and found.lost and found.integrates and movable:
-        result, moved = run(True), (MOVED,)
+        inside = run(True)
+        name, rise, nats = _rise(result.fit.innovations, inside.fit.innovations, result.model)
+        surely = 2 * nats > BAND**2 * found.growing
+        if surely and not found.banded:
+            require_sound(replace(found, outside=True, reason=TOLD_APART.format(name, 100 * rise)), allowed=False)
+        moved = MOVED.format(WITHIN_BANDS if found.banded else WITHIN_WINDOW)
+        moved += WORSE.format(name, 100 * rise) if surely else ""
+        result = inside
         found = judge(result.model, result.modes, records, result.settings.past)
     said = require_sound(found, allowed=allowed)
-    return replace(result, notes=(*result.notes, *moved, *said))
+    return _with_move(replace(result, notes=(*result.notes, *said)), moved)
+
+
+def _with_move(result: Result, moved: str) -> Result:
+    """Return the result with what a move of its poles asks to be said, if there was one."""
+    from aeolid.identify.result import Identification
+
+    if not moved:
+        return result
+    result = replace(result, notes=(*result.notes, f"WARNING: {moved}"))
+    if not isinstance(result, Identification):
+        return result
+    return replace(result, extra=result.extra | {"moved": moved})
+
+
+def _rise(before: Array, after: Array, model: StateSpace | LpvStateSpace) -> tuple[str, float, float]:
+    """Return the output whose one-step errors (N, l) rise most, by which part of their power, and the nats that costs.
+
+    N/2 Δ log P of one output by itself: the likelihood of all is not defined where fewer noise sources than outputs
+    drive them. A move that makes the predictor diverge costs all.
+    """
+    both = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
+    with np.errstate(all="ignore"):
+        sizes = [(e[both] ** 2).sum(axis=0) for e in (before, after)]
+        rises = np.log(np.maximum(sizes[1], 1e-300) / np.maximum(sizes[0], 1e-300))
+    rises = np.where(np.isfinite(rises), rises, np.inf)
+    most = int(np.argmax(rises))
+    return model.outputs[most].name, float(np.expm1(rises[most])), float(np.count_nonzero(both) / 2 * rises[most])
 
 
 def require_sound(found: Unsound | None, *, allowed: bool) -> tuple[str, ...]:
@@ -129,12 +176,14 @@ def _weigh(
 ) -> Unsound:  # fmt: skip
     poles = [(m, abs(m.eigenvalue)) for m in modes]
     growing = [m for m, size in poles if samples * np.log(max(size, 1e-12)) > np.log(FAR)]
-    excess = [0.0 if _is_slow(m, past) else _excess(m, step) for m in growing]
+    own = [_excess(m, step) for m in growing]
+    excess = [0.0 if _is_slow(m, past) else e for m, e in zip(growing, own, strict=True)]
+    banded = all(e is not None and e <= BAND for e in own)
     outside = any(e is not None and e > BAND for e in excess)
     integrates = bool(excess) and all(e is not None and e <= BAND for e in excess)
     leaving = () if wild is None else wild.leaving
     lost = any(left.stays or not left.finite for left in leaving)
-    return Unsound(source, wild, missed, lost, outside, integrates)
+    return Unsound(source, wild, missed, lost, outside, integrates, len(growing), banded)
 
 
 def _is_slow(mode: Mode, past: int) -> bool:

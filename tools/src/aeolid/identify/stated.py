@@ -17,3 +17,9 @@ def stated_doubt(path: str | Path) -> str | None:
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return None
     return "" if holds is True else str(reason)
+
+
+def stated_windows(facts: object) -> float | None:
+    """Return how many windows an identified model was estimated from; None where its facts do not say."""
+    windows = facts.get("windows") if isinstance(facts, dict) else None
+    return float(windows) if isinstance(windows, int | float) and windows > 0 else None

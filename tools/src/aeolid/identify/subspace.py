@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import schur, solve_discrete_are
 
 from aeolid.decompositions import lstsq, svd
+from aeolid.errors import NotIdentifiable
 from aeolid.identify.windows import WindowFactor
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 INSIDE = 0.9999  # where poles on or outside the unit circle are moved
@@ -34,13 +36,22 @@ class StateBasis:
     windows: int
 
     def selector(self, order: int) -> Array:
-        """Return S (n, f l) with x = S ΓK z̄, eq. (27), states scaled to the square root of their singular value."""
+        """Return S (n, f l) with x = S ΓK z̄, eq. (27), states scaled to the square root of their singular value.
+
+        Raises NotIdentifiable where the singular values of so many states are not above zero.
+        """
         values = self.singular_values[:order] * np.sqrt(self.windows)
+        known = int(np.count_nonzero(values > 0))
+        if known < order:
+            raise NotIdentifiable(
+                f"{counted(known, 'singular value')} above zero, {counted(order, 'state')} need as many: too little of "
+                "the outputs follows from the past; record longer, lower the order or look at the roles"
+            )
         scaled: Array = self.left[:, :order].T / np.sqrt(values)[:, None]
         return scaled
 
     def state_map(self, order: int) -> Array:
-        """Return T (n, p m) with x_k = T [z_{k-p} … z_{k-1}]."""
+        """Return T (n, p m) with x_k = T [z_{k-p} … z_{k-1}]; raises NotIdentifiable as `selector`."""
         mapped: Array = self.selector(order) @ self.gamma_k
         return mapped
 

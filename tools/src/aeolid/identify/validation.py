@@ -24,6 +24,10 @@ from aeolid.models.rate import at_rate_of, holds_of, rate_of
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+TAKEN_AS_EXACT = (
+    "  the model is taken as exact: it does not say from how many samples it was estimated, and errors of estimated "
+    "parameters show here too"
+)
 LONGEST_STEP = 100_000  # samples of a k-step prediction
 
 
@@ -31,7 +35,8 @@ LONGEST_STEP = 100_000  # samples of a k-step prediction
 class Validation:
     """Hold the fit of a model on one recording; what needs a noise model is None where there is none.
 
-    notes: what was done to the samples first, plain warnings.
+    notes: what was done to the samples first, plain warnings; exact: whether the innovations were tested as those of a
+    model whose parameters have no errors.
     """
 
     free_run: Score
@@ -39,6 +44,7 @@ class Validation:
     residuals: ResidualReport | None
     divergence: Divergence | None = None
     notes: tuple[str, ...] = ()
+    exact: bool = True
 
     @property
     def driven(self) -> bool:
@@ -137,6 +143,8 @@ class Validation:
                 "  immaterial: there beyond chance, but below 1 % of the variance or in rounding; one-step predictions "
                 "lose nothing by it"
             )
+        if self.exact and self.residuals.verdict == "fail":
+            lines.append(TAKEN_AS_EXACT)
         return "\n".join([*lines, *self.advice])
 
 
@@ -153,26 +161,32 @@ def horizons(steps: Iterable[int]) -> tuple[int, ...]:
     return tuple(v for v in values if v > 1)
 
 
-def validate_recording(model: Model, record: Record, steps: Iterable[int] = ()) -> tuple[Validation, Record]:
+def validate_recording(
+    model: Model, record: Record, steps: Iterable[int] = (), windows: float | None = None
+) -> tuple[Validation, Record]:
     """Validate a model on a recording as it was read; returns the recording as it was used, too.
 
     Samples that read a fill value count as missing, and a note says so (`fill_values`); a recording of a shorter sample
-    time is brought to the model's; horizons that it is too short for are left out. Raises as `validate_model`.
+    time is brought to the model's; horizons that it is too short for are left out. windows: as there. Raises as
+    `validate_model`.
     """
     (known,), notes = without_fill_values([record])
     with told_with(notes):
         used = at_rate_of(rate_of(model), known)
-        found = validate_model(model, used, tuple(k for k in steps if k < len(used)))
+        found = validate_model(model, used, tuple(k for k in steps if k < len(used)), windows)
     return replace(found, notes=notes), used
 
 
-def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:
+def validate_model(
+    model: Model, record: Record, steps: tuple[int, ...] = (), windows: float | None = None
+) -> Validation:
     """Measure free run, one-step and k-step fit of a model, test its innovations, and say whether its run diverges.
 
-    steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone, from first
-    states that are estimated, of equations those that the file leaves free.
+    steps: horizons k > 1. windows: that the model was identified from, None where that is not known: its innovations
+    are then tested as those of an exact model. Equations and models without a Kalman gain are scored by their free run
+    alone, from first states that are estimated, of equations those that the file leaves free.
     """
-    found, part = _measured(model, record, steps), free_stretch(model, record)
+    found, part = _measured(model, record, steps, windows), free_stretch(model, record)
     if not found.driven:
         return found
     model = started(model, part)
@@ -187,7 +201,7 @@ def free_stretch(model: Model, record: Record) -> Record:
     return record.slice(start, stop)
 
 
-def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validation:
+def _measured(model: Model, record: Record, steps: tuple[int, ...], windows: float | None) -> Validation:
     if isinstance(model, LpvModel) and model.state_space.K is not None:
         fit, u = measure_lpv_fit(model.state_space, [record], steps)
         return _tested(model, fit, u, model.state_space.order)
@@ -200,13 +214,19 @@ def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validatio
         y, model = matched(record, model.outputs), started(model, record)
         return Validation(score([s.name for s in model.outputs], y, model.simulate(record)), None, None)
     fit = measure_fit(linear, [record], steps)
-    return _tested(model, fit, np.concatenate([u for _, u, _ in stretches(linear, record)]), linear.order)
+    return _tested(model, fit, np.concatenate([u for _, u, _ in stretches(linear, record)]), linear.order, windows)
 
 
-def _tested(model: Model, fit: Fit, u: Array, order: int) -> Validation:
-    """Return the fit with the tests of its innovations; u (N, r): of the same samples."""
+def _tested(model: Model, fit: Fit, u: Array, order: int, windows: float | None = None) -> Validation:
+    """Return the fit with the tests of its innovations; u (N, r): of the same samples.
+
+    A model of n states has n (2 l + r) parameters whatever the basis. Estimated from so many windows, each adds 1/(l N)
+    of an innovation's variance to its errors on samples that it has not seen, mean over the outputs.
+    """
+    outputs, inputs = len(model.outputs), len(model.inputs)
+    estimated = order * (2 * outputs + inputs) / (outputs * windows) if windows else 0.0
     names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
     report = run_residual_tests(
-        fit.innovations, u, *names, nrmse=fit.one_step.nrmse, lengths=fit.lengths, order=order
+        fit.innovations, u, *names, nrmse=fit.one_step.nrmse, lengths=fit.lengths, order=order, estimated=estimated
     )  # fmt: skip
-    return Validation(fit.free_run, fit, report)
+    return Validation(fit.free_run, fit, report, exact=not windows)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.fit import LONGEST, NONE, SHORTEST, Fit, count_complete, score, score_one_step
+from aeolid.identify.residuals import run_residual_tests
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches, predict
 from aeolid.record import Record
@@ -40,3 +41,13 @@ def measure_lpv_fit(model: LpvStateSpace, records: Sequence[Record], steps: Sequ
     first = score_one_step(names, y, one, model.order, lengths)
     fit = Fit(count_complete(y), first, score(names, y, free), ahead_by, y - one, lengths=lengths)
     return fit, u
+
+
+def is_white(model: LpvStateSpace, fit: Fit, u: Array) -> bool:
+    """Say whether the innovations of a fit follow neither their own past nor that of the inputs u (N, r).
+
+    Where the stretches are too short for a test, nothing speaks against it.
+    """
+    outputs, inputs = (tuple(s.name for s in signals) for signals in (model.outputs, model.inputs))
+    found = run_residual_tests(fit.innovations, u, outputs, inputs, lengths=fit.lengths, order=model.order)
+    return found.verdict != "fail"

@@ -16,12 +16,12 @@ from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.choose_scaling import AUTO, check_scaling, choose_scaling
 from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gather, scheduling_names
 from aeolid.identify.lpv.dual import SELECTIONS, kernel_bytes, require_kernel, solve_dual
-from aeolid.identify.lpv.fit import measure_lpv_fit
+from aeolid.identify.lpv.fit import is_white, measure_lpv_fit
 from aeolid.identify.lpv.matrices import ScaledLpv, choose_gain, require_distinct
-from aeolid.identify.lpv.order import Head, choose_lpv_order, solve_head, unseen_loss
+from aeolid.identify.lpv.order import Head, choose_lpv_order, head_trial, solve_head, step_down, unseen_loss
 from aeolid.identify.lpv.primal import require_primal, solve_primal
 from aeolid.identify.lpv.refine import Refinement, refine
-from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
+from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, doubt_of, operating_points
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.lpv.structure import Structure, parse_varying
 from aeolid.identify.lpv.turning import turning_of
@@ -98,13 +98,15 @@ def identify_lpv(
     scaling, settings, structure, data = _prepare(records, settings, offsets, chosen)
     estimate = _solve(data, structure, settings, records[0].source)
     choice, scaled, gain_method, refinement = _model(data, structure, settings, estimate, records[0].source)
-    model, fit = _measured(_in_units(scaled, scaling, records[0]), records)
+    model, fit, white = _measured(_in_units(scaled, scaling, records[0]), records)
     s = np.concatenate([r.columns(names) for r in records])
     spread = (scaling.mu_mean, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
     covariance, offset, scale = getattr(refinement, "covariance", None), scaling.mu_offset, scaling.mu_scale
+    points = operating_points(model, spread, scaling.signals.scale[structure.inputs :], covariance, scale, offset)
+    doubt = doubt_of(model, points, refinement, white, scale, offset)
     return LpvIdentification(
         model=model,
-        points=operating_points(model, spread, scaling.signals.scale[structure.inputs :], covariance, scale, offset),
+        points=points,
         estimate=estimate,
         order_choice=choice,
         fit=fit,
@@ -114,8 +116,9 @@ def identify_lpv(
         skipped=data.skipped,
         gain_method=gain_method,
         refinement=refinement,
+        doubt=doubt,
         turning=turning_of(records, names, covariance, offset, scale),
-        notes=(*_notes(data, settings, model, spread), *said),
+        notes=(*_notes(data, settings, model, spread), *said, *((f"WARNING: {doubt}",) if doubt else ())),
         version=aeolid.__version__,
     )
 
@@ -261,19 +264,18 @@ def _model(
     if settings.order is None or settings.refined:
         head = solve_head(data, structure, lambda part: _solve(part, structure, settings, source))
     choice = _order(data, structure, settings, (head, estimate), source)
+    trial = None
+    if settings.refined and settings.order is None and choice.losses:
+        choice, trial = step_down(data, structure, head, choice)
+    elif settings.refined:
+        trial = head_trial(data, structure, head, choice.order)
     X = estimate.states.X[:, : choice.order]
     require_distinct(data, X, structure, source)
     scaled, gain_method = choose_gain(data, X, structure)
     if not settings.refined:
         return choice, scaled, gain_method, None
-    refinement = refine(data, structure, scaled, _head_model(head, choice.order, structure))
+    refinement = refine(data, structure, scaled, trial)
     return choice, refinement.model, gain_method, refinement
-
-
-def _head_model(head: Head | None, order: int, structure: Structure) -> ScaledLpv | None:
-    if head is None or head.estimate.states.X.shape[1] < order:
-        return None
-    return choose_gain(head.data, head.estimate.states.X[:, :order], structure)[0]
 
 
 def _in_units(scaled: ScaledLpv, scaling: LpvScaling, record: Record) -> LpvStateSpace:
@@ -296,16 +298,16 @@ def _in_units(scaled: ScaledLpv, scaling: LpvScaling, record: Record) -> LpvStat
     )  # fmt: skip
 
 
-def _measured(model: LpvStateSpace, records: Sequence[Record]) -> tuple[LpvStateSpace, Fit]:
-    """Return the model with its first state and the covariance of its innovations as measured, and its fit."""
-    fit, _ = measure_lpv_fit(model, records)
-    covariance = fit.covariance(model.order)
+def _measured(model: LpvStateSpace, records: Sequence[Record]) -> tuple[LpvStateSpace, Fit, bool]:
+    """Return the model with first state and covariance of innovations as measured, its fit, whether they are white."""
+    fit, inputs = measure_lpv_fit(model, records)
+    white, covariance = is_white(model, fit, inputs), fit.covariance(model.order)
     if covariance is not None:
         model = replace(model, innovation_covariance=covariance)
     for u, y, s in lpv_stretches(model, records[0], 1):
         x0 = estimate_initial_state(model, u - model.u_offset, y - model.y_offset, with_one(s))
-        return replace(model, x0=x0), fit
-    return model, fit
+        return replace(model, x0=x0), fit, white
+    return model, fit, white
 
 
 def _notes(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.lpv.data import LpvData
 from aeolid.identify.lpv.matrices import choose_gain, prediction_loss
+from aeolid.identify.lpv.refine import Trial, shortened, try_steps
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.lpv.structure import Structure
-from aeolid.identify.order import FIT_PART, OrderChoice, by_gap_alone, say_gap, smallest_sufficient
+from aeolid.identify.order import OrderChoice, by_gap_alone, say_gap, smallest_sufficient
+from aeolid.identify.split import FIT_PART
 
 Array = NDArray[np.float64]
 TOLERANCE = 0.05  # a larger order must lower the held-out error power by more, per output: it costs m matrices
@@ -73,3 +75,38 @@ def choose_lpv_order(data: LpvData, structure: Structure, head: Head | None, who
         prediction_loss(choose_gain(head.data, X[:, :n], structure)[0], data, held_out) for n in range(1, most + 1)
     ]
     return smallest_sufficient(losses, tolerance=TOLERANCE, tail=f"; {gap_text}")
+
+
+def head_trial(data: LpvData, structure: Structure, head: Head | None, order: int) -> Trial | None:
+    """Take the prediction-error steps from the head's model of an order; None where it shows fewer states."""
+    if head is None or head.estimate.states.X.shape[1] < order:
+        return None
+    model = choose_gain(head.data, head.estimate.states.X[:, :order], structure)[0]
+    return try_steps(data.take(shortened(data)), structure, model)
+
+
+def step_down(
+    data: LpvData, structure: Structure, head: Head | None, choice: OrderChoice
+) -> tuple[OrderChoice, Trial | None]:
+    """Lower an order that the head alone chose, one by one, while steps predict the rest within 5 % per output.
+
+    What a short window leaves out of the state looks like further states to the head's model, and goes with the steps.
+    Returns the choice and the steps from the head's model of its order. Cost: the steps for each order down to the
+    first that is worse.
+    """
+    trial = head_trial(data, structure, head, choice.order)
+    if trial is None:
+        return choice, None
+    order, least = choice.order, trial.loss
+    while order > 1:
+        lower = head_trial(data, structure, head, order - 1)
+        if lower is None or not lower.loss <= least + TOLERANCE:
+            break
+        order, trial, least = order - 1, lower, min(least, lower.loss)
+    if order < choice.order:
+        reason = (
+            f"order {order}: the smallest from {choice.order} down that is within {100 * TOLERANCE:.2g}% per output "
+            f"of the best after prediction-error steps. Before them: {choice.reason}"
+        )
+        choice = replace(choice, order=order, reason=reason)
+    return choice, trial

@@ -22,11 +22,13 @@ from aeolid.identify import descent
 from aeolid.identify.lpv.data import LpvData, spread
 from aeolid.identify.lpv.matrices import RESOLVED, ScaledLpv, prediction_loss, run_stretches
 from aeolid.identify.lpv.structure import Structure
-from aeolid.identify.order import FIT_PART
+from aeolid.identify.split import FIT_PART
 from aeolid.identify.windows import triangularise
 
 Array = NDArray[np.float64]
 LONGEST = 20_000  # windows that refine; more change little and cost in proportion
+MOST_STEPS = 60  # to the end of the descent, where deviations hold
+NATS = 0.02  # of log-likelihood: a step that gains less moves no number by more than a fifth of its deviation
 FLOOR = 1e-6  # smallest eigenvalue of the innovation covariance relative to the largest, when weighing
 
 
@@ -43,6 +45,15 @@ class Layout:
         if name == "K":
             return self.gain_blocks
         return self.structure.parameters if name in self.structure.varying else 1
+
+    @property
+    def free(self) -> int:
+        """Return the number of free numbers, those that change the basis of the state alone left out."""
+        s, n = self.structure, self.order
+        state = n * self.blocks("A") + s.inputs * self.blocks("B") + s.outputs * self.blocks("K")
+        output = n * self.blocks("C") + sum(s.feedthrough) * self.blocks("D")
+        constants = (n * s.parameters + s.outputs) * s.constant
+        return n * state + s.outputs * output + constants - n**2
 
     def phi(self, mu: Array, x: Array, u: Array, e: Array) -> Array:
         """Return the regressors (N, ·) of the state equation."""
@@ -94,36 +105,60 @@ def model_part(stack: Array, blocks: int) -> Array:
 class Refinement:
     """Hold a refined model, the steps taken, their gain in error power, 0 … 1, and the covariance of its A.
 
-    covariance: of the entries of [A⁽¹⁾ A⁽²⁾ …], row by row, in scaled units; None where the data are exact.
+    covariance: of the entries of [A⁽¹⁾ A⁽²⁾ …], row by row, in scaled units; None where the data are exact. further: a
+    step of these entries as Gauss and Newton would take next, whose square the covariance holds: nothing at the end
+    of the descent.
     """
 
     model: ScaledLpv
     steps: int
     gain: float
     covariance: Array | None
+    further: Array | None
 
     def to_json(self) -> dict[str, float]:
         """Return the facts for JSON."""
         return {"steps": self.steps, "error_power_lower_by": self.gain}
 
 
-def refine(data: LpvData, structure: Structure, start: ScaledLpv, head: ScaledLpv | None) -> Refinement:
-    """Refine a model as far as that predicts better what it was not refined on.
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Hold how the steps from a model of the first 70 % of each recording predict the rest.
 
-    head: the subspace model of the first 70 % of each recording alone, None where there is none; then all steps are
-    taken. The steps are first taken from it on that part; the number after which the rest is predicted best, none
-    included, is then taken from `start` on everything.
+    loss: the least log error power of the rest; steps: after which it is least, None where all steps cost no more than
+    estimating so many numbers does.
     """
-    part, limit = data.take(shortened(data)), descent.MOST_STEPS
-    layout = layout_of(structure, start)
-    if head is not None:
-        early = part.place < FIT_PART
-        trial = descend(part.take(early), layout_of(structure, head), head, limit)
-        limit = int(np.argmin([prediction_loss(model, part, ~early) for model in trial]))
+
+    loss: float
+    steps: int | None
+
+
+def try_steps(data: LpvData, structure: Structure, head: ScaledLpv) -> Trial:
+    """Take the steps on the first 70 % of each recording and predict the rest; data: all windows, see `shortened`.
+
+    head: model of that part. Estimating q numbers by N errors adds q/N to the log power of others, and fewer steps than
+    all spare part of that at the cost of an estimate that is biased by its start.
+    """
+    early = data.place < FIT_PART
+    fitted, layout = data.take(early), layout_of(structure, head)
+    losses = [prediction_loss(m, data, ~early) for m in descend(fitted, layout, head, descent.MOST_STEPS)]
+    best = int(np.argmin(losses))
+    price = layout.free / (fitted.windows * structure.outputs)
+    return Trial(losses[best], None if losses[-1] <= losses[best] + price else best)
+
+
+def refine(data: LpvData, structure: Structure, start: ScaledLpv, trial: Trial | None) -> Refinement:
+    """Refine a model to the end of the descent, or as far as that predicts better what it was not refined on.
+
+    trial: of the subspace model of the first 70 % of each recording alone, None where there is none; then all steps are
+    taken. Where the rest is predicted best after fewer, none included, so many are taken from `start` on everything.
+    """
+    part, layout = data.take(shortened(data)), layout_of(structure, start)
+    limit = MOST_STEPS if trial is None or trial.steps is None else trial.steps
     path = list(descend(part, layout, start, limit))
     model, before, after = path[-1], prediction_loss(start, part), prediction_loss(path[-1], part)
     gain = 1 - float(np.exp(after - before)) if np.isfinite(before) else 0.0
-    return Refinement(model, len(path) - 1, gain, entry_covariance(part, layout, model))
+    return Refinement(model, len(path) - 1, gain, *entry_covariance(part, layout, model))
 
 
 def shortened(data: LpvData) -> NDArray[np.bool_]:
@@ -155,6 +190,7 @@ def descend(data: LpvData, layout: Layout, start: ScaledLpv, steps: int) -> Iter
         move,
         steps=steps,
         floor=float(np.log(RESOLVED)) + 1e-9,
+        enough=min(descent.ENOUGH, 2 * NATS / (data.windows * layout.structure.outputs)),
     )
 
 
@@ -201,21 +237,24 @@ def error_derivatives(layout: Layout, model: ScaledLpv, mu: Array, u: Array, sta
     return out
 
 
-def entry_covariance(data: LpvData, layout: Layout, model: ScaledLpv) -> Array | None:
-    """Return the covariance of the entries of A⁽ⁱ⁾, (n, blocks n) row by row, from the inverse information.
+def entry_covariance(data: LpvData, layout: Layout, model: ScaledLpv) -> tuple[Array | None, Array | None]:
+    """Return the covariance of the entries of A⁽ⁱ⁾, (n, blocks n) row by row, and their next step.
 
-    Singular by the freedom of basis: what does not depend on the basis, such as a pole, has the variance gᵀ cov g.
+    From the inverse information, and the square of the step that Gauss and Newton would take next: at the end of the
+    descent it is nothing, before it an error that the information knows nothing of. Singular by the freedom of basis:
+    what does not depend on the basis, such as a pole, has the variance gᵀ cov g. None, None where the data are exact.
     """
     loss = prediction_loss(model, data)
     if not np.isfinite(loss) or loss <= np.log(RESOLVED) + 1e-9:
-        return None
+        return None, None
     R = information_factor(data, layout, model)
-    size = R.shape[1] - 1
     if not descent.usable(R):
-        return None
+        return None, None
+    size = R.shape[1] - 1
     free = size - layout.order**2  # the others change the basis only
     root = descent.covariance_root(R, free)
     spent = free / (data.windows * layout.structure.outputs)
     n, width = layout.order, layout.pack(model)[0].shape[1]
     entries = np.arange(n * width).reshape(n, width)[:, : n * layout.blocks("A")].ravel()
-    return np.asarray(root[entries] @ root[entries].T / max(1 - spent, 0.1))
+    further = -root[entries] @ (root.T @ (R[:size, :size].T @ R[:size, size]))
+    return root[entries] @ root[entries].T / max(1 - spent, 0.1) + np.outer(further, further), further

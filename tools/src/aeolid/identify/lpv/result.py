@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv
 from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.refine import Refinement
 from aeolid.identify.lpv.states import Estimate
@@ -15,10 +16,13 @@ from aeolid.identify.lpv.turning import Turning
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.order import OrderChoice
 from aeolid.identify.outcome import common_facts, fit_lines, model_facts, pole_facts, poles_of
+from aeolid.identify.truncation import KNOWN
 from aeolid.models.lpv import LpvStateSpace
-from aeolid.models.modes import Mode, modes_of
+from aeolid.models.modes import Mode, modes_of, pole_words
+from aeolid.wording import counted
 
 Array = NDArray[np.float64]
+APART = 1.0  # deviations by which a further step moves a pole: more, and deviations are those of that step
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ class LpvIdentification:
     estimate: states, singular values of Γ𝒦Z/√N in scaled units, rank and penalty of the regression. points: the model
     frozen at the mean of the scheduling, first, and at the extremes of each channel; their modes have standard
     deviations where the model was refined. refinement: what prediction-error steps did, None where not asked for.
-    turning: speeds of the angles that schedule, with the covariance of A for an analysis of the periodic model.
+    doubt: why the deviations do not hold, empty where they do, None where there are none. turning: speeds of the angles
+    that schedule, with the covariance of A for an analysis of the periodic model.
     """
 
     model: LpvStateSpace
@@ -88,6 +93,7 @@ class LpvIdentification:
     skipped: int
     gain_method: str
     refinement: Refinement | None
+    doubt: str | None
     turning: Turning
     notes: tuple[str, ...]
     version: str
@@ -123,6 +129,7 @@ class LpvIdentification:
                 "operating_points": [p.to_json() for p in self.points],
                 "refinement": None if self.refinement is None else self.refinement.to_json(),
             }
+            | ({} if self.doubt is None else {"bands_hold": not self.doubt, "bands_reason": self.doubt or None})
             | self.estimate.facts
             | self.turning.to_json()
         )
@@ -195,3 +202,53 @@ def pole_covariance(A: Array, mu: Array, covariance: Array) -> Array:
         parts = np.stack([g.real, g.imag])
         out.append(parts @ covariance @ parts.T)
     return np.array(out)
+
+
+def doubt_of(
+    model: LpvStateSpace, points: tuple[OperatingPoint, ...], done: Refinement | None, white: bool,
+    mu_scale: Array, mu_offset: Array,
+) -> str | None:  # fmt: skip
+    """Return why the deviations of the modes do not hold, empty where they do, None where there are none.
+
+    white: whether the innovations follow neither their own past nor that of the inputs; scheduling as in
+    `operating_points`.
+    """
+    if done is None or done.covariance is None or done.further is None:
+        return None
+    worst, most = 0j, 0.0
+    for point in points:
+        at = np.array(list(point.scheduling.values()))
+        mu = np.concatenate([[1.0], (at - mu_offset) / mu_scale])
+        pole, apart = farthest_step(model.frozen(at).A, mu, done.covariance, done.further)
+        worst, most = (pole, apart) if apart > most else (worst, most)
+    steps = counted(done.steps, "prediction-error step")
+    if most > APART:
+        hertz = float(abs(np.log(worst)) / (2 * np.pi * model.sample_time_s))
+        return (
+            f"a further step after {steps} would move {pole_words(hertz, worst.imag == 0)} by {min(most, 999):.1f} "
+            "standard deviations: deviations include that step and may not hold; lengthen --past, or record longer"
+        )
+    if not white:
+        return (
+            f"after {steps} innovations still follow their own past or that of the inputs, so that modes may be "
+            "missing: standard deviations may not hold; lengthen --past, or name a higher order"
+        )
+    return ""
+
+
+def farthest_step(A: Array, mu: Array, covariance: Array, further: Array) -> tuple[complex, float]:
+    """Return the pole of Σ μ_i A⁽ⁱ⁾ that a step of the entries moves most, and by how many deviations.
+
+    covariance: with the square of the step in it. Poles that are not known within KNOWN of |log z| without it are left
+    out.
+    """
+    worst, most = 0j, 0.0
+    whole, moves = (pole_covariance(A, mu, c) for c in (covariance, np.outer(further, further)))
+    for pole, all_of_it, move in zip(np.linalg.eigvals(A).astype(complex), whole, moves, strict=True):
+        size = abs(np.log(pole)) if pole else np.inf
+        if not np.isfinite(all_of_it).all() or np.trace(all_of_it - move) > (KNOWN * size) ** 2:
+            continue
+        share = min(float(np.trace(pinv(all_of_it, 1e-12, hermitian=True) @ move)), 1 - 1e-12)
+        apart = float(np.sqrt(max(share, 0.0) / (1 - share)))
+        worst, most = (complex(pole), apart) if apart > most else (worst, most)
+    return worst, most

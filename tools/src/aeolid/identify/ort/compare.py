@@ -15,10 +15,11 @@ import numpy as np
 from aeolid.errors import AeolidError
 from aeolid.identify.decimate import decimate
 from aeolid.identify.fit import measure_fit
-from aeolid.identify.order import FIT_PART
 from aeolid.identify.ort.identify import identify_ort
 from aeolid.identify.ort.result import OrtIdentification
+from aeolid.identify.split import FIT_PART, cut
 from aeolid.identify.varx import identify_varx
+from aeolid.identify.windows import find_scaling
 from aeolid.record import Record
 
 CLEARLY = 0.98  # of ORT's error: VARX is named from here on
@@ -32,8 +33,7 @@ def compare_with_varx(records: Sequence[Record], result: OrtIdentification) -> s
     """
     chosen = result.settings
     lowered = [decimate(r, chosen.decimation) for r in records]
-    heads = [r.slice(0, round(FIT_PART * len(r))) for r in lowered]
-    tails = [r.slice(round(FIT_PART * len(r)), len(r)) for r in lowered]
+    heads, tails = cut(lowered, find_scaling(_as_inputs(lowered)), 0)
     try:
         ort = identify_ort(
             heads, past=chosen.past, future=chosen.future, order=result.order, joint_order=result.joint_choice.order,

@@ -14,7 +14,7 @@ from aeolid.identify.assemble import find_modes, model_in_units, with_innovation
 from aeolid.identify.fit import Fit
 from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.jackknife import jackknife, merged
-from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches
+from aeolid.identify.order import OrderChoice, held_out_stretches
 from aeolid.identify.ort.estimate import RESPONSES, Loop, compatibility
 from aeolid.identify.ort.feedback import FeedbackTest, check_feedback
 from aeolid.identify.ort.joint import Layout, require_disturbance, require_own_noise
@@ -23,6 +23,7 @@ from aeolid.identify.ort.plant import predictor_map
 from aeolid.identify.ort.result import OrtIdentification, OrtSettings
 from aeolid.identify.quantify import in_order_of
 from aeolid.identify.settings import check_feedthrough, require_some
+from aeolid.identify.split import cut
 from aeolid.identify.subspace import ScaledModel, equilibrium, stabilise
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows
 from aeolid.models.rate import decimate_causally
@@ -31,7 +32,7 @@ from aeolid.record import Record
 from aeolid.wording import counted
 
 Array = NDArray[np.float64]
-GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
+GROUPS = 20  # stretches of each recording that are left out, one at a time
 ILL_CONDITIONED = 1e6  # of the disturbance's windows: noise in B and D of the disturbance grows by as much
 
 
@@ -72,14 +73,14 @@ def identify_ort(
     settings = _settings(records, past, future, order, joint_order, feedthrough, response, decimation, stable)
     settings = _with_deterministic(settings, deterministic_order)
     raw, records = records, [decimate_causally(r, decimation) for r in records]
-    scaling, layout, groups, held_out = _gather(records, settings)
+    scaling, layout, groups, fitted, held_out = _gather(records, settings)
     whole, source = merged(groups), records[0].source
     require_windows(records, layout.past + layout.future, scaling.channels, whole.windows)
     condition = require_disturbance(whole, layout, scaling, source)
     loop = Loop.of(whole, layout, settings.deterministic_order)
     require_own_noise(loop.lq, layout, scaling, source)
     _require_orders(loop, settings, source)
-    part = _fit_part(merged(groups[: round(FIT_PART * GROUPS)]), layout, scaling, settings.deterministic_order)
+    part = _fit_part(fitted, layout, scaling, settings.deterministic_order)
     orders = _choose(loop, part, held_out, settings)
     scaled, values, gap = _solve(loop, orders, settings)
     spread = jackknife(
@@ -159,8 +160,8 @@ def _with_deterministic(settings: OrtSettings, asked: int | None) -> OrtSettings
 
 def _gather(
     records: Sequence[Record], settings: OrtSettings
-) -> tuple[Scaling, Layout, list[WindowFactor], list[Array]]:
-    """Return scaling and layout of a block, the factor of each twentieth of the recordings, and what is held out.
+) -> tuple[Scaling, Layout, list[WindowFactor], WindowFactor, list[Array]]:
+    """Return scaling, layout of a block, factors of each twentieth of the recordings and their fit part, the rest.
 
     Disturbances count among the inputs of a block, in the order of the roles file.
     """
@@ -181,7 +182,8 @@ def _gather(
     layout = Layout(r, u, y, settings.past, settings.future, through)
     require_windows(joint, span, scaling.channels)
     groups = [factorise(joint, scaling, span, first=g / GROUPS, last=(g + 1) / GROUPS) for g in range(GROUPS)]
-    return scaling, layout, groups, held_out_stretches(joint, scaling, span)
+    fitted = factorise(cut(joint, scaling, span)[0], scaling, span)
+    return scaling, layout, groups, fitted, held_out_stretches(joint, scaling, span)
 
 
 def _require_orders(loop: Loop, settings: OrtSettings, source: str) -> None:
