@@ -24,7 +24,7 @@ from aeolid.diagnose.structure.baseline import equations_of
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.equations_file import to_toml
-from aeolid.models.integrate import Compiled, compile_equations, simulate, substeps
+from aeolid.models.integrate import Compiled, compile_equations, driven, simulate, substeps
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 
@@ -175,7 +175,8 @@ def predicted(compiled: Compiled, values: Mapping[str, float]) -> Array:
     theta = np.array([values.get(p.name, p.value) for p in model.parameters])
     u = np.column_stack([PUSH, TIME, WARMTH])[:, : len(model.inputs)]
     blank, gain = np.full((SAMPLES, len(model.outputs)), np.nan), np.zeros((len(model.states), len(model.outputs)))
-    result: Array = compiled.predict(u, blank, theta, gain, model.x0, STEP, 4, 1, False)[1]
+    acting = driven(compiled, u, theta, STEP)
+    result: Array = compiled.predict(acting, blank, theta, gain, model.x0, STEP, 4, 1, False)[1]
     return result
 
 
@@ -318,7 +319,7 @@ def integrated(form: Form) -> Array:
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda f: f"{f.identifier} {f.kind}")
 def test_an_effect_does_what_its_equation_says(worlds: dict[str, World], form: Form) -> None:
-    """`near` is relative to the largest stroke: what a clock held over a sample, or a step that is a ramp, costs."""
+    """`near` is relative to the largest stroke: what a step that is a ramp costs, or a channel held over a sample."""
     world = worlds["spring"]
     a = named(world.site, form.identifier, form.kind)
     assert set(form.values) <= {s.name for s in a.slots}
