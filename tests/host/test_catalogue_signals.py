@@ -26,7 +26,7 @@ from aeolid.diagnose.structure.baseline import equations_of, shape_forces
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.input_filters import CHANGING, KINDS, WHOLE
-from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
+from aeolid.models.integrate import Compiled, compile_equations, driven, numeric_jacobian
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
@@ -91,8 +91,6 @@ class World:
 
     def run(self, values: Mapping[str, float] | None = None, y: Array | None = None) -> Array:
         """Return predictions (N, l) of the extended model with some parameters set; without y a free run."""
-        from aeolid.models.integrate import driven
-
         theta, model = self.theta(values or {}), self.full.model
         blank = np.full((len(self.u), 2), np.nan) if y is None else y
         filtered = driven(self.full, self.u, theta, STEP)
@@ -101,7 +99,8 @@ class World:
     def plain(self, u: Array, y: Array | None = None) -> Array:
         model = self.bare.model
         blank = np.full((len(u), 2), np.nan) if y is None else y
-        return self.bare.predict(u, blank, model.theta, gain(model), model.x0, STEP, 4, 1, False)[1]
+        acting = driven(self.bare, u, model.theta, STEP)  # the time goes on within a sample
+        return self.bare.predict(acting, blank, model.theta, gain(model), model.x0, STEP, 4, 1, False)[1]
 
 
 def gain(model: Equations) -> Array:
@@ -223,8 +222,8 @@ def in_parts(bare: Compiled, fine: Array, parts: int) -> Array:
     """Run the bare model freely in parts of a sample; one in discrete time by the root of its step, inputs held."""
     model = bare.model
     if not model.sample_time_s:
-        blank = np.full((len(fine), 2), np.nan)
-        return bare.predict(fine, blank, model.theta, gain(model), model.x0, STEP / parts, 1, 1, False)[1][::parts]
+        blank, acting = np.full((len(fine), 2), np.nan), driven(bare, fine, model.theta, STEP / parts)
+        return bare.predict(acting, blank, model.theta, gain(model), model.x0, STEP / parts, 1, 1, False)[1][::parts]
     n, u = len(model.states), np.zeros(len(model.inputs))
     step = np.eye(n + len(u))
     step[:n, :n] = numeric_jacobian(bare, model.x0, u, model.theta)
