@@ -209,7 +209,7 @@ def test_wrong_types_and_units_are_refused_with_a_remedy(folder: Path) -> None:
         (lambda: anything.identify([]), ae.UsageError, "records is empty; at least one"),
         (lambda: anything.identify([rec, "x"]), ae.UsageError, r"records\[1\] is a str; a Record is needed"),
         (lambda: anything.validate(3, rec), ae.UsageError, "model is a int; a model is needed"),
-        (lambda: anything.validate(model, rec, steps="5"), ae.UsageError, "steps = '5': a list of whole numbers"),
+        (lambda: anything.validate(model, rec, steps="5"), ae.UsageError, "steps = '5' is not a list of whole numbers"),
         (lambda: anything.validate(model, rec, steps=[0]), ae.UsageError, "steps 0: every horizon must be within 1"),
         (lambda: anything.simulate(model, rec, initial="x"), ae.UsageError, "initial 'x' is none of estimate"),
         (lambda: model.simulate(shifted), ae.DataError, "'pitch' is in 'rad', the model has it in 'deg'; multiply"),

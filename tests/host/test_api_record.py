@@ -197,7 +197,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
 @pytest.mark.parametrize(
     ("what", "text"),
     [
-        ("text", "sample_time = '0.1': a number"), ("truth", "sample_time = True: a number"),
+        ("text", "sample_time = '0.1' is not a number"), ("truth", "sample_time = True is not a number"),
         ("unknown", "unexpected keyword argument 'sample_times'"), ("empty", "channels is empty; name at least one"),
     ],
 )  # fmt: skip

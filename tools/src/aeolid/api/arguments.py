@@ -17,8 +17,7 @@ _WORDS = {"int": "a whole number", "float": "a number", "str": "a text", "bool":
 class Arguments:
     """Hold the parameters of a function whose annotations are numbers, texts, truth values or sequences.
 
-    Others are taken as they are: the function says what it needs. NumPy's numbers count as Python's, and so does a
-    number without a fraction where a whole one is needed.
+    Others are taken as they are: the function says what it needs. NumPy's numbers count as Python's.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -66,14 +65,10 @@ def _as_one_of(name: str, value: Any, kinds: tuple[str, ...]) -> Any:
             return int(value)
         if "float" in kinds and abs(int(value)) < _LARGEST:
             return float(int(value))
-    if isinstance(value, numbers.Real) and not isinstance(value, numbers.Integral) and not truth:
-        number = float(value)
-        if "int" in kinds and number.is_integer():
-            return int(number)
-        if "float" in kinds:
-            return number
+    if isinstance(value, numbers.Real) and not isinstance(value, numbers.Integral) and not truth and "float" in kinds:
+        return float(value)
     needed = [_WORDS[k] for k in kinds if k in _WORDS] + ([] if sequence is None else [f"a list of {_of(sequence)}"])
-    raise UsageError(f"{name} = {shown(value)}: {' or '.join(needed)} is needed")
+    raise UsageError(f"{name} = {shown(value)} is not {' or '.join(needed)}")
 
 
 def _of(sequence: str) -> str:
