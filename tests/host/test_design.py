@@ -120,7 +120,7 @@ def test_arguments_of_other_types_are_refused(model):
     with pytest.raises(ae.UsageError, match="bound is a list"):
         ae.design(model, bound=["pitch"], duration=300)
     for wrong in ({"duration": [300]}, {"duration": 300, "seed": True}, {"duration": 300, "past": "20"}):
-        with pytest.raises(ae.UsageError, match="a (whole )?number"):
+        with pytest.raises(ae.UsageError, match=r"a (whole )?number"):
             ae.design(model, bound={"pitch": 1}, **wrong)
 
 
