@@ -105,6 +105,16 @@ def test_guessed_roles_read_the_file(tmp_path: Path) -> None:
     assert "#   never" in text and "#   Blade angle B: blade pitch angle: Blade angle A is used" in text
 
 
+@pytest.mark.parametrize(
+    ("said", "unit"),
+    [("KW", "kW"), ("mW", "mW"), ("MW", "MW"), ("mNm", "mNm"), ("MNm", "MN m"), ("knm", "kN m"), ("DEG", "deg")],
+)
+def test_a_heading_in_capitals_is_understood_where_it_can_mean_one_unit(said: str, unit: str, tmp_path: Path) -> None:
+    """Milli and mega differ by nine powers of ten and by the capital alone."""
+    (tmp_path / "a.csv").write_text(f"time_s,load [{said}]\n" + "".join(f"{i},{i % 3}\n" for i in range(20)))
+    assert survey(tmp_path / "a.csv").unit(f"load [{said}]") == unit
+
+
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     study = load_study("newcomer")

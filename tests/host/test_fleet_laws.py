@@ -18,6 +18,7 @@ from aeolid.fleet.plan import Plan, find_recordings, parse_window
 from aeolid.fleet.summary import load, merge_all, save, summarise
 from aeolid.fleet.tasks import Period
 from aeolid.fleet.tracking import drift, mac, track
+from aeolid.identify.split import cut
 from aeolid.identify.varx import identify_varx
 from aeolid.identify.windows import factorise, find_scaling
 from aeolid.plants.lti import simulate_fourth_order
@@ -56,7 +57,7 @@ def test_merged_summaries_equal_the_stacked_problem(records):
     whole, stacked = total.factor(), factorise(records, scaling, PAST)
     np.testing.assert_allclose(gram(whole.full), gram(stacked.full), rtol=1e-9, atol=1e-9)
     assert (whole.windows, whole.skipped) == (stacked.windows, stacked.skipped)
-    fitted = factorise(records, scaling, PAST, last=0.7)
+    fitted = factorise(cut(records, scaling, PAST)[0], scaling, PAST)
     np.testing.assert_allclose(gram(total.fitted), gram(fitted.full), rtol=1e-9, atol=1e-9)
     assert total.recordings == 7
 
@@ -79,6 +80,16 @@ def test_another_scaling_is_the_factor_of_the_samples_so_scaled(records, scale, 
     expected = factorise([records[0]], replace(find_scaling([records[0]]), offset=to[0], scale=to[1]), PAST)
     found = gram(summary.rescaled(*to).factor().full)
     np.testing.assert_allclose(found, gram(expected.full), rtol=1e-9, atol=1e-9 * np.max(abs(found)))
+
+
+def test_a_sensor_lost_in_the_last_third_leaves_windows_that_choose():
+    """The held-out part is that of the samples that count, not of the clock."""
+    record = simulate_fourth_order(1000, 4)
+    values = record.values.copy()
+    values[650:, -1] = np.nan
+    fitted, held_out = summarise(replace(record, values=values), PAST).windows
+    assert fitted + held_out == 650 - PAST
+    assert held_out == pytest.approx(0.3 * 650, abs=PAST)
 
 
 def test_a_recording_cut_in_two_loses_only_the_windows_across_the_cut():
@@ -152,16 +163,14 @@ def test_the_order_of_the_true_system_is_chosen(plan):
 
 
 def test_a_period_without_a_window_to_fit_is_left_out_of_the_choice(plan):
-    """Nothing but its last third is there: the other periods choose; alone it says why it cannot."""
+    """Each of its recordings is one window long: the other periods choose; alone it says why it cannot."""
     records = [simulate_fourth_order(2000, seed, feedback=0.25) for seed in range(3)]
-    values = records[0].values.copy()
-    values[:1395] = np.nan
-    late = summarise(replace(records[0], values=values), PAST)
-    assert late.windows[0] == 0 < late.windows[1]
-    order, reason = choose_common_order([late, *(summarise(r, PAST) for r in records[1:])], plan)
+    short = merge_all(summarise(records[0].slice(9 * i, 9 * i + PAST + 1), PAST) for i in range(40))
+    assert short.windows == (0, 40)
+    order, reason = choose_common_order([short, *(summarise(r, PAST) for r in records[1:])], plan)
     assert order == 4 and reason.endswith(", 2 periods")
     with pytest.raises(NotIdentifiable, match="no complete window in the first part"):
-        choose_common_order([late], plan)
+        choose_common_order([short], plan)
 
 
 def test_samples_in_binary32_are_summed_in_binary64():

@@ -7,6 +7,7 @@ import os
 import re
 import socket
 import struct
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -250,6 +251,17 @@ def test_an_archive_is_checked_before_memory_is_taken(case: str, tmp_path: Path)
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
         archive.writestr("pitch.npy", np.lib.format.magic(1, 0) + struct.pack("<H", len(head)) + head + bytes(64))
     with pytest.raises(DataError, match=rf"a\.npz: .*{words}"):
+        read_table(tmp_path / "a.npz")
+
+
+def test_an_array_that_stands_in_an_archive_twice_is_refused(tmp_path: Path) -> None:
+    """Which of the two was meant cannot be known."""
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # zipfile says so as well
+        for value in (1.0, 2.0):
+            with archive.open("pitch.npy", "w") as member:
+                np.lib.format.write_array(member, np.full(5, value))
+    with pytest.raises(DataError, match=r"a\.npz: pitch\.npy stands in it twice"):
         read_table(tmp_path / "a.npz")
 
 

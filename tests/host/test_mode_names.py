@@ -49,6 +49,16 @@ def test_a_third_of_a_kind_has_no_name() -> None:
     assert [m.name for m in found] == ["tower side-side", "", ""]
 
 
+def test_a_pole_of_the_noise_beside_a_mode_does_not_bear_its_name() -> None:
+    """The better known of two poles within a half is the structure's; of two that are known alike, the slower."""
+    beside, tower, above = (mode(f, z, "tower_acc_fore_aft") for f, z in ((0.337, 0.09), (0.399, 0.02), (2.9, 0.02)))
+    sure = replace(tower, frequency_std_hz=0.001, damping_std=0.002)
+    loose = replace(beside, frequency_std_hz=0.01, damping_std=0.03)
+    alike = replace(beside, frequency_std_hz=0.001, damping_std=0.03)
+    assert [m.name for m in named([loose, sure, above], None)] == ["", "tower fore-aft", "2nd tower fore-aft"]
+    assert [m.name for m in named([alike, sure], None)] == ["tower fore-aft", "2nd tower fore-aft"]
+
+
 def test_the_table_has_no_damping_of_one_and_nothing_beyond_nyquist() -> None:
     swing = 0.9 * np.exp(0.2j)
     A = np.diag([np.exp(-STEP / 4.0), -0.4, swing.real, swing.real, 1e-14])
@@ -67,12 +77,14 @@ def test_harmonics_stand_apart_also_in_the_page(tmp_path: Path) -> None:
     modes = named(mark_harmonics([mode(0.2, 0.01, "flap_moment_1"), mode(0.33, 0.05, "tower_acc_fore_aft")], 0.2), 0.2)
     lines = mode_lines(modes, STEP)
     assert "tower fore-aft" in lines[1] and "harmonics" in lines[2] and lines[3].split()[0] == "1P"
-    others = [mode(7.0, 0.2, "generator_speed"), mode(0.05, 1.0, "flap_moment_1")]
+    slow = replace(mode(0.05, 1.0, "flap_moment_1"), frequency_std_hz=0.002)
+    others = [mode(7.0, 0.2, "generator_speed"), slow, mode(0.01, -1.0, "generator_speed")]
     facts = {"modes": [m.to_json() for m in [*modes, *others]], "model": plant(10, 1.0, 1)[0].to_json()}
     render_identification(facts, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     assert page.index("tower fore-aft") < page.index("more likely its harmonics") < page.index("1P")
-    assert "Left out: one pole beyond the Nyquist frequency of 5.00 Hz" in page and "3.18 s in flap_moment_1" in page
+    assert "Left out: one pole beyond the Nyquist frequency of 5.00 Hz" in page
+    assert "3.18 ± 0.13 s in flap_moment_1" in page and "grows with 15.9 s in generator_speed" in page
 
 
 def plant(samples: int, noise: float, seed: int) -> tuple[StateSpace, Record]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +104,17 @@ def test_both_sides_have_their_modes_in_one_table() -> None:
                  "pitch → tower_fore_aft", "gain (m/s / deg)"):  # fmt: skip
         assert part in page, part
     assert sides({}) == ""
+
+
+def test_a_pole_of_the_noise_does_not_take_a_modes_partner() -> None:
+    """The best known mode chooses first, and what is no mode on either side has no row."""
+
+    def row(hertz: float, width: float | None) -> dict[str, Any]:
+        return report_examples.mode(hertz, "tower_fore_aft") | {"width": width}
+
+    noise, tower, run, loose = row(0.337, 3.0), row(0.399, 0.5), row(0.391, 3.0), row(1.0, None)
+    assert matched([noise, tower, loose], [run]) == [(tower, run)]
+    assert matched([tower], [row(0.7, 1.0)]) == [(tower, None), (None, row(0.7, 1.0))]
 
 
 def test_a_map_without_a_finding_is_pale() -> None:

@@ -49,14 +49,18 @@ class Survey:
     def unit(self, heading: str) -> str:
         """Return the unit that the file gives a channel, spelt as roles files spell it; empty where it gives none."""
         said = self.table.units.get(heading, split_heading(heading)[1]) or ""
-        if not plain_unit(said):
+        plain = plain_unit(said)
+        if not plain:
             return ""
-        spelt = _SPELT.get(plain_unit(said).lower().replace("/s2", "/s^2"), said.strip())
+        spelt = _SPELT.get(plain) or _LOWER.get(plain.lower()) or said.strip()
         return rightly(spelt) or spelt
 
 
-_SPELT = {u.lower().replace(" ", ""): u for unit in ("deg", "rpm", "kN m", "kN", "kW", "m/s^2", "m", "m/s")
+_SPELT = {plain_unit(u): u for unit in ("deg", "rpm", "kN m", "kN", "kW", "m/s^2", "m", "m/s")
           for u in alike(unit) if u not in ("Nm", "kNm", "MNm", "m/s2")}  # fmt: skip
+_LOWER = {
+    plain.lower(): u for plain, u in _SPELT.items() if plain[0] != "M"
+}  # KW is kW; mNm and mW are not MN m and MW
 
 
 def survey(path: str | Path) -> Survey:

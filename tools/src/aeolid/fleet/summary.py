@@ -20,7 +20,7 @@ from aeolid import output
 from aeolid.errors import DataError
 from aeolid.fleet.plan import EPOCH
 from aeolid.identify.rotor import rotor_frequency
-from aeolid.identify.split import FIT_PART
+from aeolid.identify.split import cut
 from aeolid.identify.windows import CONSTANT, Scaling, WindowFactor, factorise
 from aeolid.record import Record
 
@@ -33,8 +33,8 @@ class Summary:
 
     count, mean, square (m,): number of valid samples, their mean and sum of squared deviations of each channel, inputs
     first; offset, scale (m,): what the factors were scaled by; fitted, held_out: factors (q + 1, q + 1) of the windows
-    with targets in the first 70 % of each recording and in the rest; windows, skipped of each (2,); start_s the first
-    time; rotor: samples times mean rotor speed in Hz, and the samples it is known for.
+    with targets in the fit part of each recording (`identify.split`) and in the rest; windows, skipped of each (2,);
+    start_s the first time; rotor: samples times mean rotor speed in Hz, and the samples it is known for.
     """
 
     inputs: int
@@ -129,10 +129,7 @@ def summarise(record: Record, past: int) -> Summary:
     )  # fmt: skip
     offset, scale = own.own_scaling()
     scaling = Scaling(inputs, ordered[len(inputs) :], offset, scale)
-    parts = [
-        factorise([record], scaling, past, last=FIT_PART),
-        factorise([record], scaling, past, first=FIT_PART),
-    ]
+    parts = [factorise(part, scaling, past) for part in cut([record], scaling, past)]
     if sum(part.windows for part in parts) == 0:
         raise DataError(
             f"{record.source}: none of {len(record)} samples ends {past + 1} complete ones in a row; "

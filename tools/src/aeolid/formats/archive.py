@@ -83,6 +83,8 @@ class Archive:
         found = {}
         for entry in entries:
             if entry.filename.endswith(".npy"):
+                if entry.filename.removesuffix(".npy") in found:
+                    raise DataError(f"{self.path}: {entry.filename} stands in it twice; keep one of the two")
                 found[entry.filename.removesuffix(".npy")] = self._head(entry)
         return found
 

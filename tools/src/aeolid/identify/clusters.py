@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.diagram import Diagram, Pole
-from aeolid.models.modes import Mode
+from aeolid.models.modes import Mode, lone_width
 from aeolid.models.shapes import assurance
 
 Array = NDArray[np.float64]
@@ -57,11 +57,8 @@ class Criteria:
 
     def is_narrow(self, pole: Pole | Mode, duration_s: float) -> bool:
         """Tell whether the deviations of a pole or mode are those of something that stands out of the noise."""
-        if pole.frequency_std_hz is None or pole.damping_std is None or not pole.frequency_hz > 0:
-            return False
-        cycles = 2 * np.pi * pole.frequency_hz * duration_s
-        allowed = self.width * np.sqrt(max(pole.damping, 1 / cycles) / cycles)  # a line's damping is not resolved below
-        return bool(pole.frequency_std_hz <= allowed * pole.frequency_hz and pole.damping_std <= allowed)
+        known = (pole.frequency_hz, pole.frequency_std_hz, pole.damping, pole.damping_std)
+        return lone_width(*known, duration_s) <= self.width
 
 
 @dataclass(eq=False)

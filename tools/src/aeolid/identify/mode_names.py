@@ -28,6 +28,7 @@ _STRUCTURES = {
 }  # fmt: skip
 _TURNING = ("generator_speed", "rotor_speed", "shaft_torque")
 TURNS_WITH = "turning"
+_BESIDE, _CLEARER = 1.5, 3.0  # ratios of frequencies, and of their deviations: a pole of the noise beside a mode
 _DRIVE_TRAIN_HZ, _DRIVE_TRAIN_P = 0.6, 2.5  # below, a swing of the speed is one of the rotor as a whole
 _COUNTED = {*_STRUCTURES.values(), "drive train"}
 
@@ -36,9 +37,11 @@ def named(modes: Sequence[Mode], rotor_hz: float | None) -> tuple[Mode, ...]:
     """Return the modes with names: the slowest of those that would bear one, and the second where there are two.
 
     Of more, which one is the structure's second cannot be told by outputs alone, and those above the first stay without
-    a name. rotor_hz: the rotor's mean speed, None where it is not known: then no mode is called after it.
+    a name. A pole beside a better known one, at most a third below it, is more likely of the noise, and bears none
+    either. rotor_hz: the rotor's mean speed, None where it is not known: then no mode is called after it.
     """
     names = [_name(m, rotor_hz) for m in modes]
+    names = ["" if _is_beside(i, modes, names) else name for i, name in enumerate(names)]
     count, met = Counter(names), Counter[str]()
     found = []
     for mode, name in zip(modes, names, strict=True):
@@ -47,6 +50,21 @@ def named(modes: Sequence[Mode], rotor_hz: float | None) -> tuple[Mode, ...]:
             name = f"2nd {name}" if count[name] == 2 else ""
         found.append(replace(mode, name=name))
     return tuple(found)
+
+
+def _is_beside(place: int, modes: Sequence[Mode], names: Sequence[str]) -> bool:
+    """Tell whether a pole that would bear a structure's name is one of the noise beside that structure's mode."""
+    name, own = names[place], _looseness(modes[place])
+    if name.partition(",")[0] not in _COUNTED or own is None:
+        return False
+    others = [m for m, other in zip(modes, names, strict=True) if other == name and m is not modes[place]]
+    near = [_looseness(m) for m in others if 1 <= m.frequency_hz / modes[place].frequency_hz < _BESIDE]
+    return any(other is not None and other * _CLEARER < own for other in near)
+
+
+def _looseness(mode: Mode) -> float | None:
+    """Return the relative deviation of the frequency, None where it is not known."""
+    return None if mode.frequency_std_hz is None else mode.frequency_std_hz / mode.frequency_hz
 
 
 def _name(mode: Mode, rotor_hz: float | None) -> str:

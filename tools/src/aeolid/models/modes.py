@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -68,6 +69,10 @@ class Mode:
         unresolved = 1 / (2 * np.pi * max(self.frequency_hz, 1e-12) * duration_s)
         return bool(self.damping - deviations * self.damping_std <= max(unresolved, NORMAL * uneven))
 
+    def width(self, duration_s: float) -> float:
+        """Return `lone_width` of its deviations in a recording of that length."""
+        return lone_width(self.frequency_hz, self.frequency_std_hz, self.damping, self.damping_std, duration_s)
+
     def to_json(self) -> dict[str, Any]:
         """Return the mode as JSON facts; the eigenvalue as [real, imaginary]."""
         return {
@@ -82,6 +87,20 @@ class Mode:
             "name": self.name,
             "tone": self.tone,
         } | {key: told.to_json() for key, told in (("shape", self.shape), ("whirl", self.whirl)) if told is not None}
+
+
+def lone_width(
+    frequency_hz: float, frequency_std_hz: float | None, damping: float, damping_std: float | None, duration_s: float
+) -> float:  # fmt: skip
+    """Return the larger deviation, of the relative frequency or of the damping, over √(ζ/(2π f T)).
+
+    That is what a mode of frequency f and damping ζ has that stands alone above the noise in a recording of T seconds
+    (Au 2014); the damping of a line is not resolved below 1/(2π f T). Infinite where a deviation is not known.
+    """
+    if frequency_std_hz is None or damping_std is None or not frequency_hz > 0:
+        return math.inf
+    cycles = 2 * math.pi * frequency_hz * duration_s
+    return max(frequency_std_hz / frequency_hz, damping_std) / math.sqrt(max(damping, 1 / cycles) / cycles)
 
 
 def with_whirl(modes: Sequence[Mode], rotor_hz: float | None) -> tuple[Mode, ...]:

@@ -171,8 +171,16 @@ def _real_poles(pairs: list[tuple[Facts, Facts | None]]) -> str:
         shares = mode.get("outputs") or {}
         place = f" in {max(shares, key=lambda key: float(shares[key]))}" if shares else ""
         place += f" ({true['name']})" if true and true.get("name") else ""
-        told.append((f"{number(1 / rate, 3)} s" if rate else "an integrator") + place)
+        told.append((_time_constant(mode, rate) if rate else "an integrator") + place)
     return f"Real poles, by their time constants: {'; '.join(told)}."
+
+
+def _time_constant(mode: Facts, rate: float) -> str:
+    """Return 1/rate in s with its deviation, where that is below the value, and whether the pole grows."""
+    std, hertz = mode.get("frequency_std_hz"), float(mode["frequency_hz"])
+    spread = float(std) / hertz / rate if std is not None and float(std) < hertz else None
+    growing = "grows with " if float(mode.get("damping") or 0.0) < 0 else ""
+    return f"{growing}{with_std(1 / rate, spread, 3)} s"
 
 
 def _mostly(shares: Facts) -> str:

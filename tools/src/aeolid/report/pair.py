@@ -16,6 +16,7 @@ Facts = dict[str, Any]
 _LIGHT = 0.3  # damping below which a mode swings for long enough to be worth a row
 _NEAR = 0.15  # relative distance of two modes that may be one
 _ALIKE = 0.6  # cosine between the outputs' shares of modes that are one
+_CLEAR, _OPEN = 2.0, 4.0  # deviations over a lone mode's: it is one, and it may be one where the other side has it
 _MOST_ROWS, _MOST_COLUMNS = 8, 3  # outputs and inputs of the frequency responses
 _OPEN_ROWS = 2  # of them that are not folded
 _NORMAL = 1.96  # 95 %
@@ -37,15 +38,26 @@ def sides(evidence: Facts, *, turning: bool = True) -> Html:
 
 
 def matched(recorded: list[Facts], simulated: list[Facts]) -> list[tuple[Facts | None, Facts | None]]:
-    """Pair the modes of both sides that are near in frequency and move the same outputs; each at most once."""
+    """Pair the modes of both sides that are near in frequency and move the same outputs; each at most once.
+
+    The best known choose first. A pole whose deviations are far above those of a mode that stands alone above the noise
+    is left out, unless the other side has a better known one for it.
+    """
     left = {id(m): m for m in simulated}
     pairs: list[tuple[Facts | None, Facts | None]] = []
-    for mode in recorded:
+    for mode in sorted(recorded, key=_width):
         near = [m for m in left.values() if _apart(mode, m) < _NEAR and _alike(mode, m) > _ALIKE]
         other = min(near, key=lambda m: _apart(mode, m), default=None)
         pairs.append((mode, left.pop(id(other)) if other is not None else None))
     pairs += [(None, m) for m in left.values()]
+    pairs = [p for p in pairs if min(_width(m) for m in p if m is not None) <= _CLEAR]
     return sorted(pairs, key=lambda p: float((p[0] or p[1] or {})["frequency_hz"]))
+
+
+def _width(mode: Facts) -> float:
+    """Return the deviations over those of a lone mode: infinite where not known, 0 in a file that says nothing."""
+    width = mode.get("width", 0.0)
+    return float("inf") if width is None else float(width)
 
 
 def _apart(a: Facts, b: Facts) -> float:
@@ -61,7 +73,8 @@ def _alike(a: Facts, b: Facts) -> float:
 
 
 def _shown(modes: list[Facts]) -> list[Facts]:
-    return [m for m in modes if not m.get("rotor_order") and m["frequency_hz"] > 0 and abs(m["damping"]) < _LIGHT]
+    swinging = [m for m in modes if not m.get("rotor_order") and m["frequency_hz"] > 0 and abs(m["damping"]) < _LIGHT]
+    return [m for m in swinging if _width(m) <= _OPEN]
 
 
 def _modes(recorded: list[Facts], simulated: list[Facts]) -> Html:
@@ -72,7 +85,8 @@ def _modes(recorded: list[Facts], simulated: list[Facts]) -> Html:
         name = str(known.get("name") or "") or f"in {most}"
         rows.append((name, _frequency(mine), _frequency(other), _damping(mine), _damping(other), _moved(mine, other)))
     head = ["mode", "#recorded (Hz)", "#simulated (Hz)", "#damping recorded (%)", "#simulated (%)", "difference"]
-    note = "Modes with less than 30 % damping, the rotor's harmonics left out; ± is one standard deviation."
+    note = "Modes with less than 30 % damping; the rotor's harmonics and poles with bands too wide for a mode left out."
+    note += " ± is one standard deviation."
     return join([tag("h3", "Modes"), tag("p", note, class_="soft"), table(head, rows)]) if rows else Html("")
 
 

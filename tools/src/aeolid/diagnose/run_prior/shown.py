@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from aeolid.diagnose.run_prior.answering import angle_of, shown_outputs
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.diagnose.run_prior.responses import Answering
+from aeolid.models.modes import Mode
 from aeolid.models.multiblade import PARTS
 
 Array = NDArray[np.float64]
@@ -22,8 +24,11 @@ def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, An
     """Return modes and, where they are known, frequency responses and means over the rotor's angle, as JSON."""
     facts: dict[str, Any] = {
         "modes": {
-            side: [m.to_json() for m in modes]
-            for side, modes in (("recorded", modal.recorded), ("simulated", modal.simulated))
+            side: [m.to_json() | {"width": _width(m, pair.step * sum(len(s.y) for s in sides))} for m in modes]
+            for side, modes, sides in (
+                ("recorded", modal.recorded, pair.recordings),
+                ("simulated", modal.simulated, pair.runs),
+            )
         }
     }
     if modal.responses:
@@ -37,6 +42,11 @@ def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, An
             for j, name in enumerate(pair.outputs)
         }  # fmt: skip
     return facts
+
+
+def _width(mode: Mode, duration_s: float) -> float | None:
+    width = mode.width(duration_s)
+    return width if math.isfinite(width) else None
 
 
 def answers_of(pair: Pair, answering: Answering | None) -> dict[str, Any]:
