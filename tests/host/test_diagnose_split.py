@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.forensics import examine
 from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.resample import factor_for
-from aeolid.diagnose.data.split import Split, segments_of, split_records
+from aeolid.diagnose.data.split import Split, segments_of, split_records, split_sparsely
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Channel, Record
 
@@ -74,6 +74,20 @@ def test_no_sample_serves_twice(lengths: list[int], settle: float, stride: int, 
         if rows["sealed"].get(file):
             first = min(rows["sealed"][file])
             assert all(v < first for use in ("fit", "select") for v in rows[use].get(file, []))
+
+
+def test_lost_rows_do_not_leave_stretches_too_short_for_long_predictions() -> None:
+    """Ten recordings with a lost row every fiftieth: predictions over five would leave half of them without a use."""
+    records = [record(300, f"{i}.csv") for i in range(10)]
+    whole, stride = split_sparsely(records, ["u"], ["y"], 2.0, 5)
+    assert stride == 5
+    for i, r in enumerate(records):
+        r.values[3 * i + 20 :: 50] = np.nan
+    split, stride = split_sparsely(records, ["u"], ["y"], 2.0, 5)
+    finest = divide(records)
+    assert stride == 2 and 0.8 * finest.samples <= split.samples <= finest.samples < whole.samples
+    with pytest.raises(NotIdentifiable):
+        divide(records, stride=5)
 
 
 def test_one_recording_is_cut_in_time_with_gaps() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -234,10 +235,11 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(in_words(spoken(said)))}", soft_wrap=True)
     for text in alternatives if len(alternatives) > 1 else []:
         console.print(f"  - {in_words(spoken(text))}", soft_wrap=True, markup=False)
-    for note in diagnosis.get("data_notes", ()):
-        console.print(f"  data: {note['channel']}: {note['finding']}", soft_wrap=True, markup=False)
+    for text in told_once(diagnosis.get("data_notes", ())):
+        console.print(f"  data: {text}", soft_wrap=True, markup=False)
+    named = [effect["id"] for effect in diagnosis["effects"]]
     for effect in diagnosis["effects"]:
-        _print_values(effect)
+        _print_values(effect, named.count(effect["id"]) > 1)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]
@@ -253,13 +255,34 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
             )
 
 
-def _print_values(effect: dict[str, Any]) -> None:
-    """Say the values of an effect, each by what it means, and what to set in which simulator."""
+def told_once(notes: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return the notes on the data as text, one line for what is the same in several recordings of a channel.
+
+    >>> told_once([{"channel": f"u ({i}.csv)", "finding": "2 of 9 are missing"} for i in range(3)])
+    ['u (3 recordings): 2 of 9 are missing']
+    """
+    places: dict[tuple[str, str], list[str]] = {}
+    for note in notes:
+        name, _, file = note["channel"].removesuffix(")").partition(" (")
+        places.setdefault((name, note["finding"]), []).append(file)
+    found = []
+    for (name, finding), files in places.items():
+        where = files[0] if len(files) == 1 else counted(len(files), "recording")
+        found.append(f"{name} ({where}): {finding}" if files[0] else f"{name}: {finding}")
+    return found
+
+
+def _print_values(effect: dict[str, Any], placed: bool = False) -> None:
+    """Say the values of an effect, each by what it means, and what to set in which simulator.
+
+    placed: with where it enters, as two explanations may be one effect at two places.
+    """
     from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
     from aeolid.report.numbers import OPEN, is_loose
-    from aeolid.wording import plain, plus_minus
+    from aeolid.wording import place, plain, plus_minus
 
-    called = name_of(effect["id"])
+    where = place(effect["location"]["entry"]) if placed else ""
+    called = f"{name_of(effect['id'])}, {where}" if where else name_of(effect["id"])
     for name, value in effect["parameters"].items():
         told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
         unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"

@@ -26,7 +26,7 @@ from aeolid.diagnose.data.intersample import Sampling, declared_sampling, with_s
 from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.resample import factor_for
 from aeolid.diagnose.data.segments import Segment
-from aeolid.diagnose.data.split import Split, split_records
+from aeolid.diagnose.data.split import Split, split_sparsely
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 from aeolid.diagnose.hypotheses.generic import unlisted
@@ -136,7 +136,7 @@ def prepare(
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
     factor = _factor(fastest, declared, records, most) if linear is None else 1
     r, d = base.inputs, len(declared.inputs)
-    split = split_records(records, names[:r], outputs, settle, factor, names[r:], case.around)
+    split, factor = split_sparsely(records, names[:r], outputs, settle, factor, names[r:], case.around)
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
     offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)

@@ -41,6 +41,11 @@ class Split:
         return replace(self, fit=fit, select=select, sealed=sealed)
 
     @property
+    def samples(self) -> int:
+        """Return how many rows of the recordings the parts hold."""
+        return sum(len(s.u) for part in (self.fit, self.select, self.sealed) for s in part)
+
+    @property
     def sealed_text(self) -> str:
         """Say which data were sealed."""
         return "; ".join(f"{s.source} from {s.start_s:.6g} s to {s.stop_s:.6g} s" for s in self.sealed)
@@ -87,6 +92,35 @@ def split_records(
         for s in segments
     ]
     return Split(tuple(parts["fit"]), tuple(parts["select"]), tuple(parts["sealed"]), tuple(rows))
+
+
+def split_sparsely(
+    records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], settle_s: float, stride: int,
+    extra: Sequence[str] = (), around: bool = False,
+) -> tuple[Split, int]:  # fmt: skip
+    """Return the split whose predictions span the most samples up to `stride`, and how many that is.
+
+    A stretch without missing samples counts by its predictions; where rows are lost here and there, long ones would
+    leave most stretches too short. So strides are halved until the parts keep nearly what they do at the recordings'
+    own rate. For the rest see `split_records`.
+    """
+
+    def at(tried: int) -> Split:
+        return split_records(records, inputs, outputs, settle_s, tried, extra, around)
+
+    if stride == 1:
+        return at(1), 1
+    finest = at(1)
+    while stride > 1:
+        try:
+            split = at(stride)
+        except NotIdentifiable:
+            pass
+        else:
+            if split.samples / finest.samples >= in_force().data.kept_share:
+                return split, stride
+        stride //= 2
+    return finest, 1
 
 
 def _lacking(rows: Sequence[tuple[Record, int, int]], inputs: Sequence[str], outputs: Sequence[str]) -> str:

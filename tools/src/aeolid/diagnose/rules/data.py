@@ -111,6 +111,12 @@ class DataRules:
         "number of recordings above which parts are whole recordings: one of so many for validation, the others for "
         "training",
     )
+    kept_share: float = rule(
+        0.8,
+        "share",
+        "samples in usable stretches, of those at the recordings' own rate, that predictions over several samples must "
+        "keep: lost rows cut the recordings, and longer predictions need longer stretches",
+    )
     standstill_samples: int = rule(
         20, "samples", "equal samples in a row of a channel that else never repeats: noise does not, to the last digit"
     )
