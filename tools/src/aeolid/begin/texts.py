@@ -16,10 +16,10 @@ _MOST_IGNORED = 30  # entries of the role ignore, where nothing was recognised
 
 
 def text(value: str) -> str:
-    """Return a text as TOML writes it.
+    r"""Return a text as TOML writes it.
 
     >>> print(text('a "b"'))
-    "a \\\\"b\\\\""
+    "a \"b\""
     """
     return json.dumps(value, ensure_ascii=True).replace("\x7f", "\\u007f")
 

@@ -53,7 +53,7 @@ def wraps(values: Array, turn: float) -> bool:
     A turn that is not wrapped goes beyond; samples that scatter over the whole turn are no motion.
 
     >>> angle = np.arange(100.0) * 7.0
-    >>> wraps(angle % 360.0, 360.0), wraps(angle, 360.0), wraps(angle % 300.0, 360.0)
+    >>> wraps(angle % 360.0, 360.0), wraps(angle, 360.0), wraps(angle % 200.0, 360.0)
     (True, False, False)
     """
     known = values[np.isfinite(values)]

@@ -68,8 +68,8 @@ def gaps_of(values: Array) -> list[Gap]:
 def bridged(values: Array, gaps: Sequence[Gap], turn: float | None = None) -> Array:
     """Return a channel (N,) with these gaps filled; turn: a whole turn in the unit of an angle.
 
-    >>> bridged(np.array([350.0, np.nan, 10.0, 30.0]), [Gap(1, 2)], turn=360.0).tolist()
-    [350.0, 0.0, 10.0, 30.0]
+    >>> bridged(np.array([320.0, 340.0, 0.0, np.nan, 40.0]), [Gap(3, 4)], turn=360.0).tolist()
+    [320.0, 340.0, 0.0, 20.0, 40.0]
     """
     found = values.copy()
     steps = np.diff(values)
