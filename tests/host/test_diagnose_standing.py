@@ -104,6 +104,18 @@ def test_a_sensor_that_holds_while_the_machine_moves_is_stuck(car: Equations, un
     assert kinds(car, u, y) == [(50, until, "stuck")]
 
 
+def test_rows_that_were_lost_do_not_part_a_stuck_sensor(car: Equations) -> None:
+    """On coarse steps, where a fifth of the recording must stand: neither its stretch nor the model's run is broken."""
+    u = 0.3 + 0.1 * np.sin(np.arange(600) / 9.0)
+    y = np.round(drive(car, u, 3), 1)
+    y[198:400] = y[200]
+    for values in (u, y):
+        values[[260, 320, 321, 380, 500]] = np.nan
+    assert kinds(car, u, y) == [(198, 400, "stuck")]
+    y[250:310] = np.nan  # silent for longer than a stretch must be: what was held meanwhile is not known
+    assert kinds(car, u, y) == []
+
+
 @pytest.mark.parametrize("visits", [1, 2])
 def test_a_range_that_ends_is_no_stuck_sensor(car: Equations, visits: int) -> None:
     """What stands at the extreme that comes at other times as well is kept; a sensor that sticks there once is not."""

@@ -81,9 +81,11 @@ def _equal(values: Array) -> tuple[list[tuple[int, int]], bool]:
     """Return where a channel holds one value for long, and whether it repeats values elsewhere too.
 
     Long are 20 samples, or as many as would not come by chance where each equals the one before as often as elsewhere:
-    a level on steps of 12 bits that hung for 12 and 13 samples, by far the worst foretold of all.
+    a level on steps of 12 bits that hung for 12 and 13 samples, by far the worst foretold of all. Rows that were lost
+    on the way end no stretch.
     """
     rules = in_force().data
+    values = _held_on(values, rules.standstill_samples)
     with np.errstate(invalid="ignore"):
         same = np.diff(values) == 0
     edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
@@ -92,6 +94,17 @@ def _equal(values: Array) -> tuple[list[tuple[int, int]], bool]:
     runs = [(a, b) for a, b in pairs if b - a >= least]
     same &= ~np.isin(values[1:], [values[a] for a, _ in runs])  # it may stand there more often, and shorter
     return runs, bool(np.mean(same) > rules.alive_share)
+
+
+def _held_on(values: Array, longest: int) -> Array:
+    """Return a channel (N,) with its last value in gaps of at most so many samples."""
+    known = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    bridged = ~known & (last >= 0)
+    for a, b in zip(*np.flatnonzero(np.diff(np.concatenate([[0], ~known, [0]]))).reshape(-1, 2).T, strict=True):
+        if b - a > longest:
+            bridged[a:b] = False
+    return np.where(bridged, values[last], values)
 
 
 def _by_chance(lengths: Sequence[int], rows: int) -> int:
@@ -107,7 +120,12 @@ def _by_chance(lengths: Sequence[int], rows: int) -> int:
 
 
 def _free_run(baseline: Baseline, record: Record) -> dict[str, Array]:
-    """Return the outputs of the baseline that is a model, run free on the recorded inputs; none where it cannot be."""
+    """Return the outputs of the baseline that is a model, run free on the recorded inputs; none where it cannot be.
+
+    Inputs hold their last value where they are missing for a moment.
+    """
+    longest = in_force().data.standstill_samples
+    record = replace(record, values=np.apply_along_axis(_held_on, 0, record.values, longest))
     try:
         if isinstance(baseline, Equations):
             y = baseline.simulate(record)
