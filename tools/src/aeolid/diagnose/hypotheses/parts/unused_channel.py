@@ -17,9 +17,12 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, locati
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, LEAST_MODULUS, in_digits
 from aeolid.diagnose.structure.baseline import with_force
 from aeolid.diagnose.structure.forces import FORCE
+from aeolid.diagnose.structure.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
+from aeolid.models.intersample import PREFIX
 from aeolid.models.state_space import StateSpace
+from aeolid.units import same_unit
 
 Array = NDArray[np.float64]
 _MOST_CHANNELS, _MOST_PLACES = 3, 4
@@ -39,6 +42,79 @@ def attach(site: Site, entry: str, channels: list[Exogenous], says: str) -> list
     places = entrances(site)
     chosen = channels[:_MOST_CHANNELS] if places else []
     return [_on(site, entry, (c.name, c.symbol), rotor.samples(site, c), places, says) for c in chosen]
+
+
+def within_states(site: Site, entry: str, channels: list[Exogenous], says: str) -> list[Attachment]:
+    """Offer each channel (at most 3) as a part of what the equations leave to chance: a wind that nobody measures.
+
+    Such a state moves by its own rate and by noise alone, and the others and the outputs read it. Where the channel is
+    a part of it, one gain says what the channel does everywhere, at once; with a gain for each place of its own it
+    would have to be large to be worth them, and what outputs read at once would stay hidden.
+    """
+    if site.linear is not None:
+        return []
+    return [
+        _as(site, entry, channel, state, says)
+        for channel in channels[:_MOST_CHANNELS] for state in _left_to_chance(site.model)
+        if float(np.nanstd(rotor.samples(site, channel))) > 0
+    ]  # fmt: skip
+
+
+def _left_to_chance(model: Equations) -> list[State]:
+    """Return the states that noise drives, no other state and no input, and that others or outputs read."""
+    others = {s.name for s in model.states} | set(model.symbols)
+    needs = {s.name: ex.names_in(written_out(s.derivative, model)) for s in model.states}
+    read = {o.name: ex.names_in(written_out(o.equation, model)) for o in model.outputs} | needs
+    forces = {s.name for s in model.states if s.name.startswith(FORCE)}
+    return [
+        s for s in model.states
+        if f"{FORCE}{s.name}" in forces and needs[s.name] & (others - forces) <= {s.name}
+        and any(s.name in names for reader, names in read.items() if reader != s.name)
+    ]  # fmt: skip
+
+
+def _as(site: Site, entry: str, channel: Exogenous, state: State, says: str) -> Attachment:
+    """Add gain*(channel - mean) to a state wherever it is read, but in its own rate."""
+    values = rotor.samples(site, channel)
+    mean, alike = float(np.nanmean(values)), same_unit(channel.unit, state.unit)
+    scale = 1.0 if alike else max(abs(state.initial), 1.0) / float(np.nanstd(values))
+    tag = identifiers([*site.input_names, *(c.name for c in site.exogenous)])[channel.name]
+    slot = Slot(
+        f"{entry}_{tag}_as_{state.name}", "gain", "1" if alike else "", 0.0, -1e6, 1e6, 1e-3,
+        show=partial(operator.mul, scale),
+    )  # fmt: skip
+    whole = {state.name: ex.parse(f"{state.name} + {slot.name}*{scale!r}*({channel.symbol} - {mean!r})", entry)}
+
+    def edit(model: Equations) -> Equations:
+        model = _sampled_alike(model, channel.name)
+        own = ex.names_in(next(s.derivative for s in model.states if s.name == state.name))
+        return replace(
+            model,
+            parameters=(*model.parameters, Parameter(slot.name, 0.0, "", slot.low, slot.high)),
+            states=tuple(
+                s if s.name == state.name else replace(s, derivative=ex.substitute(s.derivative, whole))
+                for s in model.states
+            ),
+            auxiliaries=tuple(
+                a if a.name in own else replace(a, equation=ex.substitute(a.equation, whole)) for a in model.auxiliaries
+            ),
+            outputs=tuple(replace(o, equation=ex.substitute(o.equation, whole)) for o in model.outputs),
+        )
+
+    return Attachment(
+        entry, f"{entry} {channel.name}, in {state.name}", location(f"input:{channel.name}", inputs=(channel.name,)),
+        edit, (slot,), equation=f"{state.name} -> {state.name} + gain*({channel.name} - mean)",
+        statement=lambda v: f"{channel.name} {says}: {v['gain']:.3g} of it is part of {state.name}",
+    )  # fmt: skip
+
+
+def _sampled_alike(model: Equations, name: str) -> Equations:
+    """Read a channel between its rows as the inputs are read that one logger writes beside it."""
+    known = [f for f in model.filters if f.kind.startswith(PREFIX)]
+    if not known or name in {f.channel for f in model.filters}:
+        return model
+    late = max(known, key=lambda f: len(f.parameters))  # of outputs that passed a filter, if any is read so
+    return replace(model, filters=(*model.filters, replace(late, channel=name)))
 
 
 def across(site: Site, entry: str, says: str) -> list[Attachment]:
@@ -80,6 +156,7 @@ def _on(
     ]  # fmt: skip
 
     def edit(model: Equations) -> Equations:
+        model = _sampled_alike(model, name)
         extra = (Parameter(s.name, 0.0, "", s.low, s.high) for s in slots)
         model = replace(model, parameters=(*model.parameters, *extra))
         for slot, p, scale in zip(slots, places, scales, strict=True):
