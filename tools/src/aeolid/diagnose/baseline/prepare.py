@@ -23,7 +23,7 @@ from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.data.intersample import Sampling, declared_sampling, with_sampling
-from aeolid.diagnose.data.range_ends import rails
+from aeolid.diagnose.data.range_ends import blurred_ends, rails
 from aeolid.diagnose.data.resample import factor_for
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.data.split import Split, split_sparsely
@@ -187,7 +187,7 @@ def _rails(records: Sequence[Record], outputs: Sequence[str]) -> tuple[dict[str,
     """Return the ends of the range at which each output's values pile up, over all recordings."""
     columns = (np.concatenate([r.column(name) for r in records]) for name in outputs)
     finite = (c[np.isfinite(c)] for c in columns)
-    return tuple(rails(c) if len(c) else {} for c in finite)
+    return tuple(rails(c) or blurred_ends(c) if len(c) else {} for c in finite)
 
 
 def _with_signals(

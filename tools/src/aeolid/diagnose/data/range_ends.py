@@ -10,6 +10,7 @@ from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
 _BESIDE = 3  # levels next to an extreme
+_WIDTHS = tuple(0.02 * 2 ** (k / 3) for k in range(10))  # of the range: six deviations of noise on a channel at its end
 _ROUNDING = 1e-9  # of the range: values nearer than this differ by the rounding of numbers
 
 
@@ -38,12 +39,38 @@ def rails(v: Array) -> dict[str, float]:
         if often or (fine and int(at.sum()) >= rules.fine_repeats) or _is_crowded(v, rail, spacing):
             found[side] = rail
             continue
-        depth = np.abs(v - rail) / np.ptp(v)
-        width = rules.pile_width
-        pile, next_to_it = float(np.mean(depth < 2 * width)), float(np.mean((depth > 3 * width) & (depth < 9 * width)))
+        pile, next_to_it, middle = _pile(v, rail)
         if pile > rules.pile_share and pile > next_to_it:
-            found[side] = float(np.median(v[depth < 2 * width]))
+            found[side] = middle
     return found
+
+
+def blurred_ends(v: Array) -> dict[str, float]:
+    """Return the ends of the range of a channel v (N,) whose noise came after them: where its values pile up there.
+
+    A level that was cut at 0.696 m and recorded with a noise of 1.5 % of its range stays there for minutes, and comes
+    to no extreme twice. What turns at its extremes is near them for a while, too: a sine and a parabola 2.4 times as
+    long as next to that, noise much shorter.
+    """
+    rules = in_force().data
+    found: dict[str, float] = {}
+    if np.ptp(v) == 0:  # what never changes has no range
+        return found
+    for width in _WIDTHS:
+        for side, end in (("low", float(v.min())), ("high", float(v.max()))):
+            depth = np.abs(v - end) / np.ptp(v)
+            near = depth < width
+            next_to_it = float(np.mean((depth >= width) & (depth < 2 * width)))
+            if float(np.mean(near)) > max(rules.pile_share, rules.pile_ratio * next_to_it):
+                found.setdefault(side, float(np.median(v[near])))
+    return found
+
+
+def _pile(v: Array, end: float) -> tuple[float, float, float]:
+    """Return the shares of v (N,) near an extreme and next to that, and the middle of what is near."""
+    depth, width = np.abs(v - end) / np.ptp(v), in_force().data.pile_width
+    near = depth < 2 * width
+    return float(np.mean(near)), float(np.mean((depth > 3 * width) & (depth < 9 * width))), float(np.median(v[near]))
 
 
 def _are_mirrored(v: Array, highest: float, spacing: float) -> bool:

@@ -33,6 +33,12 @@ class DataRules:
         0.005, "share", "width of a pile at the end of the range that noise has blurred, of the range"
     )
     pile_share: float = rule(0.02, "share", "samples in a pile at the end of the range that noise has blurred")
+    pile_ratio: float = rule(
+        2.6,
+        "ratio",
+        "samples within some width of an extreme over those next to it, from which a range may end there under noise: "
+        "a sine and a parabola have 2.4",
+    )
     grid_miss: float = rule(0.01, "share", "part of a step by which rounding of the numbers themselves may miss a grid")
     grid_distinct_share: float = rule(
         0.2, "share", "different values above which the values of a channel are not said to be a spacing apart"
