@@ -116,6 +116,22 @@ def test_rows_that_were_lost_do_not_part_a_stuck_sensor(car: Equations) -> None:
     assert kinds(car, u, y) == []
 
 
+@pytest.mark.parametrize("lost", [100, 130, 145, 151, 170, 199])
+@pytest.mark.parametrize("with_model", [True, False])
+def test_a_row_that_was_lost_is_no_motion_of_an_input(car: Equations, lost: int, with_model: bool) -> None:
+    """A car that stands from row 90 on, its throttle at zero; without a model it was a stuck sensor."""
+    u = pulses(200, (0, 60, 0.3))
+    y = drive(car, u, 1)
+    baseline = car if with_model else None
+    whole = [(s.start, s.stop, s.kind) for s in stretches_of([record(u, y)], baseline)]
+    u[lost] = y[lost] = np.nan
+    assert [k for _, _, k in whole] == ["rest"]
+    assert [(s.start, s.stop, s.kind) for s in stretches_of([record(u, y)], baseline)] == whole
+    u[lost], y[lost] = 0.0, 0.0
+    u[lost] = np.nan
+    assert [(s.start, s.stop, s.kind) for s in stretches_of([record(u, y)], baseline)] == whole
+
+
 @pytest.mark.parametrize("visits", [1, 2])
 def test_a_range_that_ends_is_no_stuck_sensor(car: Equations, visits: int) -> None:
     """What stands at the extreme that comes at other times as well is kept; a sensor that sticks there once is not."""

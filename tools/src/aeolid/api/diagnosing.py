@@ -76,6 +76,8 @@ def diagnose(
     """
     if not isinstance(sham, int) or not 0 <= sham <= 1000:
         raise UsageError(f"sham = {sham!r} is not a whole number of 0 to 1000")
+    if seed < 0:
+        raise UsageError(f"seed = {seed!r} is below 0")
     time_limit = seconds_given("time_limit", time_limit)
     if not isinstance(time_limit, int | float) or not 0 < time_limit < float("inf"):
         raise UsageError(f"time_limit = {time_limit!r} is no time; give the seconds, above 0")

@@ -62,7 +62,7 @@ def run(
     sham: Annotated[
         int, typer.Option("--sham", min=0, max=1000, help="Null simulations; none where the baseline is a run.")
     ] = 20,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap and the sham runs.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap and the sham runs.")] = 1,
     fail_on_mismatch: Annotated[
         bool, typer.Option("--fail-on-mismatch", help="Exit 1 when a mismatch is found.")
     ] = False,

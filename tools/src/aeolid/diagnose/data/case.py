@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.data.inside import resolve
+from aeolid.diagnose.data.machine import MOST_BLADES
 from aeolid.diagnose.data.match import matched
 from aeolid.diagnose.rules import in_force
 from aeolid.errors import Contradiction, DataError, UsageError
@@ -32,7 +33,10 @@ from aeolid.units import conversion
 
 CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of the machine: check, and its wording
     "machine": (lambda v: isinstance(v, str), "a text"),
-    "blades": (lambda v: isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= 9, "a whole number of 1 … 9"),
+    "blades": (
+        lambda v: isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= MOST_BLADES,
+        f"a whole number of 1 … {MOST_BLADES}",
+    ),
     "rated_speed_rad_s": (lambda v: is_number(v) and 0 < v < 1e6, "a speed in rad/s above 0"),
     "gearbox_ratio": (lambda v: is_number(v) and 0 < v < 1e6, "a ratio of speeds above 0"),
     "offshore": (lambda v: isinstance(v, bool), "true or false"),

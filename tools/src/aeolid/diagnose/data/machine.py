@@ -6,11 +6,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+MOST_BLADES = 9
+
 
 def blades_of(context: Mapping[str, Any]) -> int:
     """Return the number of blades, 3 where the case does not say."""
     count = context.get("blades", 3)
-    return count if isinstance(count, int) and 1 <= count <= 6 else 3
+    return count if isinstance(count, int) and 1 <= count <= MOST_BLADES else 3
 
 
 def is_turbine(context: Mapping[str, Any]) -> bool:

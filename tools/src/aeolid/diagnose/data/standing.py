@@ -148,7 +148,8 @@ def _kind(
     start, stop = where
     half = (start + stop) // 2  # a machine that comes to rest does so in the first half
     inputs = record.matrix("input", "disturbance")[half:stop]
-    moved = np.flatnonzero(np.any(np.diff(inputs, axis=0) != 0, axis=1))
+    steps = np.diff(np.apply_along_axis(_held_on, 0, inputs, len(inputs)), axis=0)
+    moved = np.flatnonzero(np.any(np.isfinite(steps) & (steps != 0), axis=1))  # a row that was lost is no motion
     quiet = half + 1 + int(moved[0]) if len(moved) else stop  # no input moves from `half` to there
     driven = quiet < (half + stop) // 2
     if model is not None:
