@@ -13,9 +13,7 @@ from aeolid.record import Channel, Record
 def test_a_seed_below_zero_is_refused_before_anything_is_read() -> None:
     record = Record(np.arange(3.0), np.zeros((3, 1)), (Channel("u", "", "input"),), 1.0, "a.csv", "")
     with pytest.raises(UsageError, match="seed = -1 is below 0"):
-        ae.diagnose(
-            Record(np.arange(3.0), np.zeros((3, 1)), (Channel("u", "", "input"),), 1.0, "a.csv", ""), None, seed=-1
-        )
+        ae.diagnose(record, None, seed=-1)
 
 
 @pytest.mark.parametrize("blades", range(1, 10))
