@@ -270,3 +270,17 @@ def test_degrees_fahrenheit_among_degrees_celsius_are_found_by_their_level(chann
 @pytest.mark.parametrize("lacking", [0.0, 1.0, 4.0])
 def test_a_model_that_lacks_a_loss_of_heat_has_no_channel_in_another_unit(lacking: float) -> None:
     assert channel_faults(plates(lacking=lacking))[0] == ()
+
+
+def test_the_unit_that_the_roles_give_is_asked_where_the_model_has_none() -> None:
+    """An input in degrees, recorded in radians: the same fault, whether the model repeats the unit or leaves it out."""
+    whole, u, y = draw_case(1)
+    spoilt = spoil(whole, u, y, "input in radians")
+    assert isinstance(spoilt.baseline, StateSpace)
+    bare = replace(
+        spoilt.baseline,
+        inputs=tuple(replace(s, unit="") for s in spoilt.baseline.inputs),
+        outputs=tuple(replace(s, unit="") for s in spoilt.baseline.outputs),
+    )
+    told = [channel_faults(replace(spoilt, baseline=b))[0] for b in (spoilt.baseline, bare)]
+    assert [(f.id, f.entry, f.factor) for f in told[1]] == [(f.id, f.entry, f.factor) for f in told[0]] != []

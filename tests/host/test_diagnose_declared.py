@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 from aeolid.diagnose.baseline.prepare import prepare
 from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.race import fit_rows
-from aeolid.diagnose.conclusion.declared import explains_away, far_off
+from aeolid.diagnose.conclusion import declared, sentence
+from aeolid.diagnose.conclusion.declared import explains_away, far_off, parameter_effect
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
@@ -66,3 +69,31 @@ def test_a_value_that_is_off_by_a_large_factor_may_stand_for_more(value: float, 
     text = far_off([Moved(k, value, std), Moved(c, 0.05, 0.03)])
     assert bool(text) is said and "c" not in text.partition(" off ")[0].split()
     assert not said or text.startswith("; k is off by more than a factor of 2")
+
+
+def test_values_that_are_right_are_not_listed_among_the_wrong_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiffness 40 % off by 20 deviations, a damping off by one: the effect tells the stiffness alone."""
+    k, c = Parameter("k", 100.0, "N/m", 0.0, 1e3, True), Parameter("c", 1.0, "N s/m", 0.0, 10.0, True)
+    values = (Moved(k, 140.0, 2.0), Moved(c, 1.1, 0.1))
+    monkeypatch.setattr(declared, "moved", lambda study: list(values))
+    study: Any = SimpleNamespace(declared_values=values)
+    effect = parameter_effect(study)
+    assert list(effect["parameters"]) == ["k"] and effect["location"]["entry"] == "parameter:k"
+
+
+@pytest.mark.parametrize(("weight", "told"), [(0.4, True), (1e-3, False)])
+def test_of_a_product_of_constants_it_is_said_that_either_may_be_wrong(
+    weight: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def value(name: str) -> Any:
+        part = SimpleNamespace(entry="parameter_error", key=name)
+        return SimpleNamespace(attachments=(part,), says=lambda a: f"the structure is right, but {name} is off")
+
+    first, other = value("K"), value("g")
+    monkeypatch.setattr(sentence, "weighed", lambda study, winner: [(other, weight)])
+    proof: Any = object()
+    study: Any = SimpleNamespace(winner=first, second=None, proof=proof)
+    said = sentence._or_values(study, [{"id": "parameter_error"}], proof)
+    assert said == (", or g is off: the recording does not tell which" if told else "")
+    assert not sentence._or_values(study, [{"id": "parameter_error"}], None)  # of other values than the winner's
+    assert not sentence._or_values(study, [{"id": "coulomb_friction"}], proof)

@@ -26,7 +26,7 @@ from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
-from aeolid.diagnose.selection.exchange import exchanged
+from aeolid.diagnose.selection.exchange import Alternative, exchanged, said_instead
 from aeolid.diagnose.selection.rivals import leads
 
 Array = NDArray[np.float64]
@@ -261,3 +261,18 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
     for low, heard in ((0.8, ["lag", "beside", "drag", "whisper"]), (-0.1, ["lag", "drag", "whisper"])):
         study.proof = SimpleNamespace(interval=(low, 17.0))
         assert [c.key for c in also_speaking(study)] == heard
+
+
+def test_in_the_place_of_an_effect_stands_what_says_something_else_once() -> None:
+    def part(key: str, name: str, place: str = "output:x") -> Any:
+        return SimpleNamespace(key=key, entry=name, location={"entry": place}, equation=name)
+
+    def instead(replaces: str, attachment: Any, score: float) -> Any:
+        return Alternative(replaces, SimpleNamespace(score=score), attachment)  # type: ignore[arg-type]
+
+    lag, drag = part("lag", "sensor_lag"), part("drag", "quadratic_damping", "state:v")
+    again = instead("lag", part("lag in states", "sensor_lag"), 9.0)
+    filtered, better = (instead("lag", part(f"filter {k}", "sensor_second_order"), k) for k in (1.0, 2.0))
+    friction = instead("drag", part("dry", "coulomb_friction", "state:v"), 3.0)
+    gone = instead("slack", part("play", "backlash"), 8.0)  # what it replaced is not named
+    assert said_instead([again, filtered, friction, better, gone], [lag, drag]) == [friction, better]

@@ -127,7 +127,9 @@ def test_a_faultless_sensor_counts_as_one_that_errs_by_a_hundredth(noise: float,
     """
     compiled = body(tmp_path)
     theta, u = compiled.model.theta, np.zeros(1)
-    found = kalman_gain(compiled, (np.ones(4), np.ones(1)), theta, np.array([0.3, 0.5, 0.0, 0.0, noise]), u, STEP)
+    found = kalman_gain(
+        compiled, (np.ones(4), np.ones(1), np.ones(4)), theta, np.array([0.3, 0.5, 0.0, 0.0, noise]), u, STEP
+    )
     A = expm(numeric_jacobian(compiled, compiled.model.x0 + 1.0, u, theta) * STEP)
     C, Q = np.eye(4)[:1], np.diag([0.09, 0.25, 0.0, 0.0])
     R = np.array([[noise**2 + 0.003**2]])

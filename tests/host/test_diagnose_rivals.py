@@ -17,6 +17,7 @@ from aeolid.diagnose.selection.rivals import (
     leads,
     leaves_open,
     left_wrong,
+    one_of_each,
     outdone_by,
     rivals_of,
     stands_for,
@@ -372,3 +373,18 @@ def test_a_factor_that_leaves_values_wrong_gives_way_to_a_form_that_makes_them_r
     assert stands_for(factor, form) and outdone_by([factor, form], factor) is form
     both = candidate(60.0, 20.0, name="unlisted", moved=(moved("h3", 127.0, 3.5),))
     assert not stands_for(factor, both) and outdone_by([factor, both], factor) is None
+
+
+def test_one_explanation_is_told_once_however_it_is_worked_out() -> None:
+    """A sensor's lag of the reading and one in states: the winner first, then the better of two; elsewhere another."""
+
+    def lag(score: float, name: str, place: str, equation: str) -> Any:
+        part = SimpleNamespace(entry=name, location={"entry": place}, equation=equation)
+        return SimpleNamespace(attachments=(part,), score=score)
+
+    drive = lag(9.0, "actuator_lag", "input:force", "u")
+    own, states = lag(5.0, "sensor_lag", "output:x", "m"), lag(6.0, "sensor_lag", "output:x", "m")
+    other, bent = lag(7.0, "sensor_lag", "output:y", "n"), lag(4.0, "sensor_lag", "output:x", "m**2")
+    assert one_of_each([drive, own, states, other, bent]) == [drive, states, other, bent]
+    assert one_of_each([own, drive, states]) == [own, drive]
+    assert one_of_each([]) == []

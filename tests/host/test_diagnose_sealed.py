@@ -84,7 +84,7 @@ def test_one_effect_follows_another(gains: tuple[float, ...], kept: int, monkeyp
     proofs = iter([proof(g) for g in gains])
     monkeypatch.setattr(sealed, "estimated_on_all", lambda prepared, candidate: candidate)
     monkeypatch.setattr(sealed, "prove", lambda *_: next(proofs))
-    monkeypatch.setattr(sealed, "_completed", lambda prepared, whole, found, proof, seed: (None, proof))
+    monkeypatch.setattr(sealed, "_with_form", lambda *_: None)
     chain: Any = [SimpleNamespace(predictor=None, fit=None) for _ in gains]
     prepared: Any = SimpleNamespace(split=SimpleNamespace(sealed=()), settle_s=1.0)
     whole: Any = SimpleNamespace(predictor=None, fit=None)
@@ -119,6 +119,46 @@ def test_a_rival_that_the_sealed_data_bear_out_takes_the_place_of_a_leader_that_
     chain: Any = [candidates["lead"]]
     found = sealed.hold_leader(stage, stage, chain, list(candidates.values()), 1)  # type: ignore[arg-type]
     assert found.sets[0].key == kept
+
+
+@pytest.mark.parametrize(
+    ("needless", "kin_gain", "plausible", "named"),
+    [
+        (True, 90.0, True, "cubic_stiffness state:v"),  # beside it the stop has no stiffness: it is the spring
+        (True, 40.0, True, "end_stop state:v"),  # the sealed data prefer the stop
+        (True, 90.0, False, "end_stop state:v"),
+        (False, 90.0, True, "end_stop state:v"),  # both are there: the stop is named, its kin completes the model
+    ],
+)
+def test_an_effect_of_which_its_kin_leaves_nothing_gives_way_to_that(
+    needless: bool, kin_gain: float, plausible: bool, named: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def effect(key: str, **more: Any) -> Any:
+        part = SimpleNamespace(key=key, entry=key.split()[0])
+        usual = {
+            "key": key,
+            "attachments": (part,),
+            "predictor": key,
+            "fit": None,
+            "plausible": True,
+            "unlisted": False,
+        }
+        return SimpleNamespace(**(usual | more))
+
+    stop, cubic = effect("end_stop state:v"), effect("cubic_stiffness state:v", plausible=plausible)
+    form = SimpleNamespace(key=f"{sealed.KIN} {cubic.key}", entry="unlisted")
+    both = effect("both", attachments=(*stop.attachments, form))
+    gains = {stop.key: 50.0, cubic.key: kin_gain, "both": 95.0}
+    monkeypatch.setattr(sealed, "estimated_on_all", lambda prepared, candidate: candidate)
+    monkeypatch.setattr(sealed, "prove", lambda before, after, *_: proof(gains[after[0]]))
+    monkeypatch.setattr(sealed, "_with_form", lambda prepared, found, *_: both if found is stop else None)
+    monkeypatch.setattr(sealed, "without_the_needless", lambda prepared, full: cubic if needless else full)
+    stage: Any = SimpleNamespace(
+        surrogate=None, deadline=unlimited(), split=SimpleNamespace(sealed=()), settle_s=1.0, predictor=None, fit=None
+    )
+    held = sealed.hold_leader(stage, stage, [stop], [stop, cubic], 1)
+    assert held.sets[held.kept].key == named
+    assert (held.completed is both) is not needless
 
 
 def spring(folder: Path, k2: float, k3: float) -> Path:

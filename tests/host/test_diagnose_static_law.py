@@ -97,6 +97,24 @@ def test_a_law_that_is_not_right_accuses_no_value(tmp_path: Path) -> None:
         assert static_law(replace(case, records=(replace(record, values=changed),)), 1) is None
 
 
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("ranged", [False, True], ids=["constants are held", "constants have ranges"])
+def test_beside_constants_of_the_same_product_the_value_itself_is_told(
+    free: bool, ranged: bool, tmp_path: Path
+) -> None:
+    """Of half rho K only the product is seen: what has no range is not refitted, and one value of a product is."""
+    ends = ", min = 0.01, max = 10.0" if ranged else ""
+    law = LAW.format(value=7e-4 / (0.5 * 1.225)).replace("max = 1e-3", "max = 1e-2")
+    law = law.replace("free = false", f"free = {str(free).lower()}")
+    law = law.replace("[[input]]", f"half = {{ value = 0.5{ends} }}\nrho = {{ value = 1.225{ends} }}\n[[input]]", 1)
+    law = law.replace("K*speed**2", "half*rho*K*speed**2")
+    values = write(tmp_path, 3, declared=4.4e-4).records[0].values
+    law_of_product = static_law(load_case(write_case(tmp_path, law, 0.1, CHANNELS, values)), 1)
+    assert law_of_product is not None
+    ((parameter, value, deviation),) = law_of_product.moved
+    assert parameter.name == "K" and value == pytest.approx(TRUE / (0.5 * 1.225), rel=0.01) and deviation < 0.02 * value
+
+
 def test_the_answer_says_values_and_how_they_were_proven(tmp_path: Path) -> None:
     law = static_law(write(tmp_path, 5, declared=4.4e-4), 1)
     assert law is not None

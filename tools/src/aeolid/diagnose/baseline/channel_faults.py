@@ -145,8 +145,8 @@ def with_faults(diagnosis: dict[str, Any], faults: Sequence[Fault]) -> dict[str,
 
 def _hypotheses(judge: Judge, base: Wiring) -> Iterator[_Hypothesis]:
     """Yield every single change of a wiring that is asked."""
-    for role, names, units in (("input", judge.names[0], judge.units[0]), ("output", judge.names[1], judge.units[1])):
-        for j, unit in enumerate(units):
+    for role, names, units in (("input", judge.names[0], judge.stated[0]), ("output", judge.names[1], judge.stated[1])):
+        for j, unit in enumerate(rightly(u) or u.strip() for u in units):
             yield _scaled(base, "sign", role, j, -1.0)
             for ratio, words, known in RATIOS:
                 if not known or unit.replace(" ", "").replace("²", "^2") in known:
@@ -223,10 +223,13 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
         return None
     before, parts, _ = judge.worth(base, _FINE)
     answers = sorted(((judge.worth(h.wiring, _FINE), h) for h in ranked), key=lambda a: -a[0][0])
+    least = max(evidence.clear_nats + np.log(len(asked)), rules.fault_rate * judge.rows)
+    while answers and answers[0][0][0] - before >= least and _values_explain(judge, base, answers[0][1]):
+        answers = answers[1:]
+    if not answers or answers[0][0][0] - before < least:
+        return None
     (after, of_best, _), best = answers[0]
     gain, steps = after - before, of_best - parts
-    if gain < max(evidence.clear_nats + np.log(len(asked)), rules.fault_rate * judge.rows):
-        return None
     if gain < evidence.one_percent_z * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(
         judge, best, after, before
     ):
@@ -235,10 +238,19 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     by_chance = 0.5 * _FINE * len(judge.names[0]) * len(judge.names[1])  # half a nat for each free weight
     if after - plain < rules.fault_explained_share * (free - plain - by_chance):
         return None
-    if best.kind == "swap" and _with_values(judge, best.wiring) - _with_values(judge, base) < evidence.clear_nats:
-        return None
     told_apart = in_force().selection.told_apart_nats
     return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < told_apart]
+
+
+def _values_explain(judge: Judge, base: Wiring, asked: _Hypothesis) -> bool:
+    """Tell whether other values within their ranges do as well: asked of exchanges, and where roles alone give a unit.
+
+    What unit a model without one means is no more certain than its values are.
+    """
+    signals = judge.model.inputs if asked.role == "input" else judge.model.outputs
+    if asked.kind != "swap" and (asked.kind != "unit" or signals[asked.numbers[0]].unit):
+        return False
+    return _with_values(judge, asked.wiring) - _with_values(judge, base) < in_force().evidence.clear_nats
 
 
 def _with_values(judge: Judge, wiring: Wiring) -> float:

@@ -30,7 +30,8 @@ class Frame:
     """Hold what an extended model is built from.
 
     working: the baseline with all channels as inputs and no effect; rough: a stabilising start for its own states;
-    sizes (n,), spreads (l,): typical magnitudes of the declared states and of the outputs; forces: sizes of the
+    sizes (n,), spreads (l,): typical magnitudes of the declared states and of the outputs; away (n,): how far from
+    their start these states usually are, where that is farther than their size, else 0; forces: sizes of the
     unmeasured forces by state; offsets: those of a linear model's offsets and of what a recorded wind tells, by
     parameter; wind: what of the model that wind tells of, once the effects are in it.
     """
@@ -39,6 +40,7 @@ class Frame:
     rough: Point
     sizes: Array
     spreads: Array
+    away: Array
     forces: dict[str, float]
     offsets: dict[str, float]
     surrogate: Surrogate | None
@@ -100,7 +102,8 @@ class Frame:
             () if K is None else tuple((i, j) for i in own for j in range(m)),
             tuple(own),
         )
-        return replace(scales, theta=theta), free, Point(model.theta, noise, K, x0)
+        away = np.concatenate([self.away, np.zeros(extra)])
+        return replace(scales, theta=theta, away=away), free, Point(model.theta, noise, K, x0)
 
 
 def scales_of(model: Equations, x_size: Array, spreads: Array, known: Mapping[str, float]) -> Scales:

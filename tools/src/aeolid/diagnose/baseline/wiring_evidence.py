@@ -48,7 +48,6 @@ class Judge:
         """
         self.model, self.blocks, self.step, self.reach = model, blocks, step, reach
         self.names = [s.name for s in model.inputs], [s.name for s in model.outputs]
-        self.units = [s.unit for s in model.inputs], [s.unit for s in model.outputs]
         self.stated = tuple([s.unit or units.get(s.name, "") for s in part] for part in (model.inputs, model.outputs))
         r, m = len(self.names[0]), len(self.names[1])
         self.declared = Wiring(

@@ -230,8 +230,9 @@ def _is_beyond(factor: float, m: Moved) -> bool:
 
 
 def parameter_effect(study: Study) -> dict[str, Any]:
-    """Return the effect "declared values are wrong" with what they were fitted to."""
-    values = study.declared_values
+    """Return the effect "declared values are wrong" with what those were fitted to that moved surely."""
+    sure = {m.parameter.name for m in moved(study) if m.deviations > in_force().evidence.moved_deviations}
+    values = [m for m in study.declared_values if m.parameter.name in sure] or study.declared_values[:1]
     kind = entry("parameter_error")
     return {
         "id": kind.id, "family": kind.family,

@@ -16,9 +16,11 @@ from aeolid.diagnose.conclusion.declared import (
     mostly_a_reading,
     off_by_little,
 )
+from aeolid.diagnose.conclusion.next_experiment import weighed
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.selection.exchange import said_instead
 from aeolid.diagnose.selection.rivals import stands_for
 from aeolid.diagnose.selection.several import KIN
 from aeolid.diagnose.validation.proof import Proof
@@ -31,7 +33,8 @@ _RIGHT = "the structure is right, but "
 def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
     """Write the verdict as one sentence for the top of the page."""
     if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
-        return _one_after_another(effects) + _little(study, proof) + _beyond(study, proof)
+        said = _one_after_another(effects) + _or_values(study, effects, proof)
+        return said + _little(study, proof) + _beyond(study, proof)
     if verdict == "ambiguous" and study.second is not None and proof is study.proof:
         return _sentence_of_sets(effects, study, study.second) + _little(study, proof) + _beyond(study, proof)
     if verdict == "ambiguous":
@@ -157,6 +160,20 @@ def _one_after_another(effects: Sequence[Mapping[str, Any]]) -> str:
     return "; and ".join(said if only_values else [text.removeprefix(_RIGHT) for text in said])
 
 
+def _or_values(study: Study, effects: Sequence[Mapping[str, Any]], proof: Proof | None) -> str:
+    """Say which other declared values may be the wrong one in place of the one told; empty where none may.
+
+    Of a product of constants only that the product is wrong is known.
+    """
+    alone = study.winner if study.second is None and proof is study.proof else None
+    if alone is None or [e["id"] for e in effects] != ["parameter_error"]:
+        return ""
+    least = (1 - sum(w for _, w in weighed(study, alone))) / in_force().selection.rarer_odds
+    others = [c for c, w in weighed(study, alone) if c.attachments[0].entry == "parameter_error" and w >= least]
+    said = [c.says(c.attachments[0]).removeprefix(_RIGHT) for c in others]
+    return f", or {', or '.join(said)}: the recording does not tell which" if said else ""
+
+
 def _little(study: Study, proof: Proof | None) -> str:
     """Say which constants are off by no more than usual beside what was named; empty where none are."""
     chosen = study.second
@@ -196,7 +213,7 @@ def is_contradicted(study: Study) -> bool:
 def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
     """Say each effect of a set, followed by what may stand in its place."""
     named = parts_that_matter(chosen)
-    instead = [a for a in study.alternatives if a.replaces in {n.key for n in named}]
+    instead = said_instead(study.alternatives, named)
     parts = []
     for attachment, effect in zip(named, effects, strict=False):
         others = zip(instead, effects[len(named) :], strict=True)

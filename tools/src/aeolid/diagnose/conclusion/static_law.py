@@ -29,6 +29,8 @@ from aeolid.models.integrate import compile_equations, simulate
 Array = NDArray[np.float64]
 _FOLDS = 5  # stretches of a single recording; several recordings are the folds
 _PASSES = 3  # fits, each scaled by the errors of the one before
+_STEP = 1e-4  # of a value, by which it is moved to see what it does
+_OWN = 1e-2  # of what a value does, that others cannot do: with less its deviation is a hundred times as large
 _NORMAL = 1.4826  # median of absolute errors to a standard deviation
 
 
@@ -60,16 +62,17 @@ def static_law(case: Case, seed: int) -> StaticLaw | None:
     model = case.baseline
     if not isinstance(model, Equations) or model.states or model.memories:
         return None
-    places = [i for i, p in enumerate(model.parameters) if p.minimum < p.value < p.maximum and p.value != 0]
+    places = [i for i, p in enumerate(model.parameters) if _is_open(p)]
     folds = _folds(case, model)
     if not places or len(folds) < 2:
         return None
     spread = np.nanstd(np.vstack([f.y for f in folds]), axis=0)
     if not np.all(spread > 0):
         return None
-    law = _Law(model, places, spread, case.records[0].sample_time_s)
+    step = case.records[0].sample_time_s
     try:
-        return _judged(law, folds, seed)
+        law = _Law(model, places, spread, step)
+        return _judged(law.on(law.told_apart(folds)), folds, seed)
     except DataError:
         return None
 
@@ -87,6 +90,31 @@ class _Law:
         theta = self.model.theta.copy()
         theta[self.places] = self.declared * factors
         return [(f.y - simulate(self.compiled, f.u, theta, self.model.x0, self.step)) / self.spread for f in folds]
+
+    def on(self, places: Sequence[int]) -> _Law:
+        """Return the same law with other values to be replaced."""
+        return _Law(self.model, places, self.spread, self.step)
+
+    def told_apart(self, folds: Sequence[_Fold]) -> list[int]:
+        """Return the places of values that can be fitted together: none whose effect others make up for.
+
+        Of K g only the product is seen: free values are taken first, then in the order in which they are declared.
+        Cost: one evaluation of the law for each value.
+        """
+        usual = np.concatenate([e.ravel() for e in self.errors(np.ones(len(self.places)), folds)])
+        kept: list[int] = []
+        basis: list[Array] = []
+        for own in sorted(range(len(self.places)), key=lambda k: not self._parameter(self.places[k]).free):
+            factors = np.ones(len(self.places))
+            factors[own] += _STEP
+            moved = np.concatenate([e.ravel() for e in self.errors(factors, folds)]) - usual
+            left = size = np.nan_to_num(moved)
+            for direction in (*basis, *basis):  # twice: what rounding leaves is taken off as well
+                left = left - (direction @ left) * direction
+            if float(np.linalg.norm(left)) > _OWN * float(np.linalg.norm(size)) > 0:
+                kept.append(self.places[own])
+                basis.append(left / np.linalg.norm(left))
+        return sorted(kept)
 
     def fit(self, folds: Sequence[_Fold]) -> Array:
         """Return the factors (k,) of the declared values that fit the folds best, within the declared ranges."""
@@ -114,6 +142,12 @@ class _Law:
 
     def _parameter(self, place: int) -> Parameter:
         return self.model.parameters[place]
+
+
+def _is_open(parameter: Parameter) -> bool:
+    """Tell whether a value may be another: declared free, or within a range. What is held without one is a constant."""
+    inside = parameter.minimum < parameter.value < parameter.maximum and parameter.value != 0
+    return inside and (parameter.free or math.isfinite(parameter.maximum - parameter.minimum))
 
 
 def _folds(case: Case, model: Equations) -> list[_Fold]:

@@ -31,6 +31,7 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.localise.detect import PAST_INNOVATIONS
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.selection.exchange import said_instead
 from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
@@ -254,7 +255,7 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
     """
     named = parts_that_matter(chosen)
     ids = {a.key: a.entry for a in named}
-    instead = [a for a in study.alternatives if a.replaces in ids]
+    instead = said_instead(study.alternatives, named)
     weights = weights_of([chosen, *(a.candidate for a in instead)])
     others = list(zip(instead, weights[1:], strict=True))
     effects, shown = [], study.completed or chosen

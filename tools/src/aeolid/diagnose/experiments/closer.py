@@ -145,12 +145,11 @@ def _told(
     return Closer(test, minutes, finer, len(old), tuple(sizes.values())[:_TOLD], new)
 
 
-def describe_closer(closer: Closer | None) -> dict[str, object]:
-    """Return the entry of diagnosis.json."""
+def describe_closer(closer: Closer | None, inputs: bool = True) -> dict[str, object]:
+    """Return the entry of diagnosis.json. inputs: whether the recording has any that steps could be put on."""
     if closer is None:
-        text = (
-            "To look closer, record longer: the smallest size that shows falls with the square root of the time. Steps"
-            " on the recorded inputs, up to twice their present spread, would not show appreciably more"
-        )
+        text = "To look closer, record longer: the smallest size that shows falls with the square root of the time"
+        if inputs:
+            text += ". Steps on the recorded inputs, up to twice their present spread, would not show appreciably more"
         return {"text": text, "minutes": 0, "separates": []}
     return {"text": closer.says(), "minutes": closer.minutes, "separates": []}

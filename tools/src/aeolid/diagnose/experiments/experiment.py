@@ -151,10 +151,19 @@ def _likelihood(candidate: Candidate, made: Segment | None, iterations: int) -> 
     return None if fit is None else fit.log_likelihood
 
 
-def describe(advice: Advice | None, ids: Sequence[str], hint: str) -> dict[str, object]:
-    """Return the entry of diagnosis.json: what to record, for how long, and what it tells apart."""
+def describe(advice: Advice | None, ids: Sequence[str], hint: str, inputs: bool = True) -> dict[str, object]:
+    """Return the entry of diagnosis.json: what to record, for how long, and what it tells apart.
+
+    inputs: whether the recording has any that a test signal could be put on.
+    """
     rules = in_force().experiments
     pair = f"{ids[0]} and {ids[1]}"
+    if advice is None and not inputs:
+        text = (
+            f"To decide between {pair}: {hint}. The recording has no input that steps could be put on: record from"
+            " another start, with another sensor or at another operating point"
+        )
+        return {"text": text, "minutes": 0, "separates": list(ids)}
     if advice is None:
         text = (
             f"To decide between {pair}: {hint}. No steps on the recorded inputs, up to twice their present spread,"

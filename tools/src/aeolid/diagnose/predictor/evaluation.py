@@ -135,7 +135,7 @@ class Evaluator:
         if known is not None and known[0] == asked:  # starts that differ have one gain
             K = known[1]
         else:
-            sizes, first = (self.scales.x0, self.scales.spread), self.segments[0]
+            sizes, first = (self.scales.x0, self.scales.spread, self.scales.excursion), self.segments[0]
             K = kalman_gain(self.compiled, sizes, point.theta, point.noise, first.middle, first.step)
             self._gain = asked, K
         return K if point.K is None else K + point.K
@@ -174,7 +174,7 @@ class Evaluator:
     @cached_property
     def middle(self) -> tuple[Array, Array]:
         """Return the state (n,) and the input (r,) that the model is linearised at."""
-        x = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.x0
+        x = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.excursion
         return x, self.segments[0].middle
 
     def objective(self, point: Point) -> float:

@@ -16,19 +16,19 @@ _EXACT = 1e-4  # a sensor's error is at least a hundredth of what the process no
 
 
 def kalman_gain(
-    compiled: Compiled, sizes: tuple[Array, Array], theta: Array, amplitude: Array, u: Array, step: float
+    compiled: Compiled, sizes: tuple[Array, ...], theta: Array, amplitude: Array, u: Array, step: float
 ) -> Array:
     """Return the steady Kalman gain (n, l) of the model linearised a typical excursion away from its start.
 
     Process noise of standard deviation amplitude[i] · size_i a sample on each state, sensor noise
     amplitude[n + j] · spread_j, and no less than a hundredth of what it sees of a sample's process noise: towards a
     faultless sensor the likelihood is flat and the gain without end. Sizes are those of the states (n,) and outputs
-    (l,), u (r,) the typical input, step the time between rows in s. Zero where the Riccati equation has no finite
-    solution.
+    (l,), and last how far from its start the model is linearised (n,); u (r,) the typical input, step the time between
+    rows in s. Zero where the Riccati equation has no finite solution.
     """
-    x_size, spread = sizes
+    x_size, spread, excursion = sizes
     n, x = len(x_size), compiled.start.copy()
-    x[:n] += x_size
+    x[:n] += excursion
     units = np.where(x_size > 0, x_size, 1.0)
     process, sensor = (amplitude[:n] * x_size / units) ** 2, (amplitude[n:] * spread) ** 2
     gain = np.zeros((n, len(spread)))

@@ -67,7 +67,10 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Hold the typical sizes that finite differences and damping are measured in."""
+    """Hold the typical sizes that finite differences and damping are measured in.
+
+    away (n,): how far from the model's start its states usually are, where that is farther than their size x0.
+    """
 
     theta: Array
     gain: Array
@@ -76,3 +79,9 @@ class Scales:
     high: Array
     prior: Prior
     spread: Array  # (l,): standard deviation of each output
+    away: Array | None = None
+
+    @property
+    def excursion(self) -> Array:
+        """Return where the model is linearised, from its start (n,): a size away from where the states usually are."""
+        return self.x0 if self.away is None else self.away + self.x0

@@ -13,7 +13,7 @@ from aeolid.diagnose.candidates.refit import as_rows, refit
 from aeolid.diagnose.candidates.slight import is_worth_a_name_beside
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.selection.rivals import are_kin, tells_apart
+from aeolid.diagnose.selection.rivals import are_kin, explanation, tells_apart
 
 _TRIED = 2  # others tried in the place of each effect
 
@@ -57,6 +57,17 @@ def exchanged(
                 tried[single.key] = Alternative(attachment.key, found, single.attachments[0])
     kept = [a for a in tried.values() if _differs_by_one(best, a) and not tells_apart(best, a.candidate)]
     return best, tuple(kept)
+
+
+def said_instead(alternatives: Sequence[Alternative], named: Sequence[Attachment]) -> list[Alternative]:
+    """Return what stands in the place of one of these effects and says something else; one of each, in their order."""
+    own = {a.key: explanation(a) for a in named}
+    found: dict[tuple[str, tuple[str, str, str]], Alternative] = {}
+    for other in sorted(alternatives, key=lambda a: -a.candidate.score):
+        if other.replaces in own and explanation(other.attachment) != own[other.replaces]:
+            found.setdefault((other.replaces, explanation(other.attachment)), other)
+    kept = set(map(id, found.values()))
+    return [a for a in alternatives if id(a) in kept]
 
 
 def _differs_by_one(best: Candidate, other: Alternative) -> bool:

@@ -37,6 +37,23 @@ def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candid
     return result
 
 
+def one_of_each(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the first, and of the others the best of each that say the same: one entry, one place, one equation.
+
+    A sensor's lag that replaces a reading and one that follows a state are two ways to work out one explanation.
+    """
+    found: dict[tuple[str, str, str], Candidate] = {}
+    for c in (*candidates[:1], *sorted(candidates[1:], key=lambda c: -c.score)):
+        found.setdefault(explanation(c.attachments[-1]), c)
+    kept = set(map(id, found.values()))
+    return [c for c in candidates if id(c) in kept]
+
+
+def explanation(attachment: Attachment) -> tuple[str, str, str]:
+    """Return what an effect says, however it is worked out: its entry, its place and its equation."""
+    return attachment.entry, str(attachment.location["entry"]), attachment.equation or entry(attachment.entry).equation
+
+
 def tells_apart(winner: Candidate, other: Candidate) -> bool:
     """Tell whether the data prefer a candidate to another one that has no more than its share of parameters.
 
