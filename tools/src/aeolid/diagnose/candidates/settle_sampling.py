@@ -18,7 +18,7 @@ What the likelihood may choose among depends on the recording:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +76,17 @@ def _moves(stage: Stage, choice: Choice) -> bool:
     return holds != stage.sampling.holds and stage.tried(moved).gain > in_force().evidence.two_deviations_nats
 
 
-def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate]) -> Sampling | None:
-    """Return the sampling of the likeliest pair of one and an effect; None where it is the stage's own.
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Hold an effect, the sampling that is likeliest beside it (None for the stage's own), and nats of the two."""
+
+    candidate: Candidate
+    sampling: Sampling | None
+    value: float
+
+
+def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate]) -> list[Beside]:
+    """Return the likeliest pairs of an effect and a sampling, best first, one of each sampling.
 
     An offset that a missing lag bent, or a curve that it hid, lets another effect lead: the best few of all kinds are
     fitted with what else the inputs may do (an analogue input half a sample off and a lag of six: 634 nats for the lag
@@ -87,13 +96,16 @@ def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate
     """
     rows = sum(len(s.y) for s in prepared.predictor.segments)
     price = float(np.log(rows)) if prepared.sampling.is_plain else 0.0
-    found: list[tuple[float, Sampling | None]] = []
+    found: list[Beside] = []
     for c in _leaders(candidates):
         if prepared.deadline.skips("how inputs go on between samples, beside the effects found"):
             break
         own = settle(case, prepared, c)
-        found.append((c.fit.log_posterior + (0.0 if own is None else own.gain - price), own))
-    return max(found, key=lambda pair: pair[0], default=(0.0, None))[1]
+        found.append(Beside(c, own, c.fit.log_posterior + (0.0 if own is None else own.gain - price)))
+    best: dict[object, Beside] = {}
+    for pair in sorted(found, key=lambda p: -p.value):
+        best.setdefault(None if pair.sampling is None else (pair.sampling.holds, pair.sampling.is_filtered), pair)
+    return list(best.values())
 
 
 def _leaders(candidates: Sequence[Candidate]) -> list[Candidate]:
