@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -18,7 +19,8 @@ from rotor_rig import DRIVE_TRAIN, FORE_AFT, SIDE_SIDE, STEP, blade_hz, rotor, w
 import aeolid as ae
 from aeolid.begin.rotor_roles import rotor_outputs, rotor_roles
 from aeolid.cli.main import main
-from aeolid.errors import DataError, UsageError
+from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.fleet import campbell
 from aeolid.fleet.campbell import Campbell, Run, find_campbell, followed
 from aeolid.formats import write_table
 from aeolid.identify.rotor import Rotation
@@ -63,6 +65,26 @@ def test_modes_are_followed_over_the_speed_and_are_those_of_the_rig() -> None:
     assert any(
         all(m is not None and abs(m.frequency_hz / DRIVE_TRAIN[0] - 1) < 0.02 for m in t.modes) for t in found().tracks
     )
+
+
+def test_a_window_in_seconds_is_that_long_in_every_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two recordings at 0.1 and 0.05 s, thinned twofold, 3.2 s are 16 and 32 samples, in either order."""
+    asked: dict[str, int] = {}
+
+    def modal(records: Sequence[Record], **settings: Any) -> Any:
+        asked[records[0].source] = settings["past"]
+        if len(asked) == 2:
+            raise NotIdentifiable("asked")
+        return found().runs[0].modal
+
+    slow, _ = records()[0], found()
+    fast = replace(slow, sample_time_s=slow.sample_time_s / 2, time_s=slow.time_s / 2, source="fast")
+    monkeypatch.setattr(campbell, "find_modal", modal)
+    for pair in ((slow, fast), (fast, slow)):
+        asked.clear()
+        with pytest.raises(NotIdentifiable, match="asked"):
+            find_campbell(pair, blades="auto", past="3.2s", decimation=2)
+        assert asked == {slow.source: round(1.6 / slow.sample_time_s), "fast": round(3.2 / slow.sample_time_s)}
 
 
 def test_harmonics_are_never_among_the_modes() -> None:

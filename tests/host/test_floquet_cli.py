@@ -15,6 +15,7 @@ from aeolid.identify.lpv import identify_lpv
 from aeolid.identify.rotor import rotation_by_parts
 from aeolid.models.floquet import floquet_of
 from aeolid.models.floquet_request import analyse
+from aeolid.report.floquet_text import summary
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "studies"))
 import floquet as study
@@ -119,6 +120,18 @@ def test_speeds_of_the_recording_that_vary_are_told_or_refused(identified):
     assert analyse(identified.model, facts, rotor_speed="12rpm").modes
     with pytest.raises(UsageError, match="does not say"):
         analyse(identified.model, None)
+
+
+def test_a_speed_that_is_given_goes_round_as_the_recorded_angle_does(identified):
+    """Where that falls 12 rpm are -12: harmonics of the same model would be those of the other whirl."""
+    facts = identified.model_json()["identification"]
+    falling = {"rotation": {"azimuth": {"frequency_hz": -0.2, "deviation_hz": 0.0}}}
+    found = [analyse(identified.model, facts | falling, rotor_speed=v) for v in ("12rpm", "-12rpm", None)]
+    assert [f.rotor_hz for f in found] == pytest.approx([-0.2] * 3)
+    assert [len(f.notes) for f in found] == [1, 0, 0] and "falls" in found[0].notes[0]
+    assert all(", which falls, " in summary(f.to_json()) for f in found)
+    rising = analyse(identified.model, facts, rotor_speed="12rpm")
+    assert rising.rotor_hz == pytest.approx(0.2) and "falls" not in summary(rising.to_json())
 
 
 @pytest.mark.parametrize("change", [

@@ -154,14 +154,9 @@ def campbell(
     NotIdentifiable
         Where there are too few samples.
     """
-    from aeolid.fleet.campbell import decimation_of, find_campbell
-    from aeolid.identify.choose_past import read_past
+    from aeolid.fleet.campbell import find_campbell
 
     found = as_records(records)
-    factor = decimation_of(found) if decimate is None else decimate
-    window = read_past(str(past), found[0].sample_time_s * factor)
     return CampbellDiagram(
-        find_campbell(
-            found, outputs=outputs, blades=blades, past=window, largest=largest_order, decimation=factor
-        )
-    )  # fmt: skip
+        find_campbell(found, outputs=outputs, blades=blades, past=past, largest=largest_order, decimation=decimate)
+    )

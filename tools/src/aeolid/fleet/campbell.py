@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.tracking import FARTHEST, LEAST_MAC, follow, mac
 from aeolid.formats.meanings import meaning_of
+from aeolid.identify.choose_past import read_past
 from aeolid.identify.modal import Modal, find_modal
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.models.blade_sets import in_fixed_frame
@@ -139,13 +140,14 @@ def _damping(mode: Mode | None) -> str:
 
 def find_campbell(
     records: Sequence[Record], *, outputs: Sequence[str] | str | None = None,
-    blades: Sequence[str] | str | None = None, past: int | None = None, largest: int | None = None,
+    blades: Sequence[str] | str | None = None, past: int | str | None = None, largest: int | None = None,
     decimation: int | None = None,
 ) -> Campbell:  # fmt: skip
     """Find the modes of each recording by its outputs alone and follow them.
 
     records: one a wind speed. outputs: names, default all of the role; blades: sets, as in `blade_sets.find_sets`;
-    past: window in samples, largest: order of the diagrams, default by the data; decimation: factor by which the rate
+    past: window in samples or as `read_past` takes it, seconds being other samples in each recording; largest: order of
+    the diagrams, both by default by the data; decimation: factor by which the rate
     is lowered, default so that HIGHEST times the fastest rotor's speed stays below Nyquist. Raises UsageError on fewer
     than two recordings, DataError where a rotor's speed is not recorded, else as `find_modal`. Cost: that of
     `find_modal` for each recording.
@@ -159,7 +161,8 @@ def find_campbell(
     for record, turns, (_, notes) in zip(records, turning, known, strict=True):
         with told_with(notes):
             still = in_fixed_frame([record], blades)
-            modal = find_modal(still, outputs=outputs, past=past, largest=largest, decimation=factor)
+            window = None if past is None else read_past(str(past), record.sample_time_s * factor)
+            modal = find_modal(still, outputs=outputs, past=window, largest=largest, decimation=factor)
         runs.append(Run(record.source, replace(modal, notes=notes), turns, _wind(record)))
     return followed(runs)
 

@@ -31,7 +31,8 @@ def analyse(
 ) -> Floquet:
     """Return the modes of a periodic model at a rotor speed, by default the mean of its recordings.
 
-    facts: what the identification wrote beside the model, or None; rotor_speed as `read_rotor_speed` takes it; at:
+    facts: what the identification wrote beside the model, or None; rotor_speed as `read_rotor_speed` takes it, above 0
+    in the sense in which the recorded angle turns, below 0 where that falls; at:
     values of scheduling channels that are no angle, by default their means. Raises as `floquet_of`, UsageError where
     the speed is not known, or varied by more than 10 % and is not given; DataError on facts that cannot be.
     """
@@ -44,7 +45,7 @@ def analyse(
     if rotor_speed is None:
         hertz = _recorded_speed(model, told, times, source, notes)
     else:
-        hertz = read_rotor_speed(rotor_speed)
+        hertz = _as_the_angle_turns(read_rotor_speed(rotor_speed), model, told, notes)
     covariance = _covariance(model, told, weights, source)
     if covariance is not None and told.get("bands_hold") is False:
         reason = told.get("bands_reason")
@@ -52,6 +53,17 @@ def analyse(
     return floquet_of(
         model, hertz, at=held, harmonics=harmonics, multiples=times, covariance=covariance, notes=tuple(notes)
     )
+
+
+def _as_the_angle_turns(hertz: float, model: LpvStateSpace, facts: Facts, notes: list[str]) -> float:
+    """Return a speed that was given without a sign in the sense of the recorded angle; notes gains a changed one."""
+    rotation = facts.get("rotation")
+    entry = rotation.get(angles_of(model)[0]) if isinstance(rotation, dict) else None
+    recorded = entry.get("frequency_hz") if isinstance(entry, dict) else None
+    if hertz < 0 or not is_number(recorded) or not recorded < 0:
+        return hertz
+    notes.append(f"the recorded angle falls as the rotor turns: analysed at {-60 * hertz:.4g} rpm")
+    return -hertz
 
 
 def _means(model: LpvStateSpace, facts: Facts, source: str) -> dict[str, float]:

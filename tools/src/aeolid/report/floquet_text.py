@@ -15,7 +15,8 @@ _MOST = 5  # harmonics listed of an output
 def summary(facts: Facts) -> str:
     """Return the facts of `Floquet.to_json` as text."""
     lines = [
-        f"rotor {60 * abs(facts['rotor_hz']):.4g} rpm, 1P {abs(facts['rotor_hz']):.4g} Hz by {token(facts['angle'])}, "
+        f"rotor {60 * abs(facts['rotor_hz']):.4g} rpm, 1P {abs(facts['rotor_hz']):.4g} Hz by {token(facts['angle'])}"
+        f"{', which falls' if facts['rotor_hz'] < 0 else ''}, "
         f"{facts['samples_per_revolution']:.4g} samples a revolution; {facts['harmonics']} harmonics",
         stability(facts),
     ]
