@@ -16,6 +16,7 @@ from doc_pages import ROOT, blocks
 
 matplotlib.use("Agg")
 import aeolid as ae
+from aeolid.api.diagnosis import Diagnosis
 from aeolid.cli.main import main
 
 pytestmark = pytest.mark.diagnosis  # its fixture is one
@@ -99,6 +100,17 @@ def test_pictures_are_drawn_on_the_axes_given(shown: dict[str, Any]) -> None:
         with pytest.raises(ae.UsageError, match=r"axes: .* are needed here, 7 given"):
             draw(plt.subplots(1, 7)[1])
     assert d.plot_scores(most=3).has_data()
+
+
+def test_sealed_stretches_of_several_recordings_are_drawn_behind_each_other() -> None:
+    """The times of recordings may be the same; where they are not, they stay. No line leads from one to the next."""
+    own = {"time_s": [5.0, 6.0, 7.0], "measured": [1.0, None, 2.0], "before": [0.0] * 3, "after": [0.0] * 3}
+    later = {k: [t + 7 for t in v] if k == "time_s" else v for k, v in own.items()}
+    for second, at in ((own, [8.0, 9.0, 10.0]), (later, [12.0, 13.0, 14.0])):
+        series = {k: [*v, *second[k]] for k, v in own.items()} | {"stretch": [1, 1, 1, 2, 2, 2], "unit": "m"}
+        line = Diagnosis({"verdict": "named"}, {"series": {"y": series}}, {}).plot_before_after()[0].lines[0]
+        np.testing.assert_array_equal(line.get_xdata(), [5.0, 6.0, 7.0, np.nan, *at])
+        np.testing.assert_array_equal(line.get_ydata(), [1.0, np.nan, 2.0, np.nan, 1.0, np.nan, 2.0])
 
 
 def test_the_corrected_model_is_worth_it_on_another_day(shown: dict[str, Any]) -> None:

@@ -85,6 +85,7 @@ BAD: dict[str, tuple[dict[str, Any], type[ae.AeolidError], str]] = {
     "a stray unit": ({"units": {"yaw": "deg"}}, ae.UsageError, "units names 'yaw', which has no role"),
     "words": ({"frame": FRAME.assign(pitch="off")}, ae.DataError, "'pitch'.*sample 1"),
     "infinite": ({"frame": FRAME.replace(FRAME.pitch[7], np.inf)}, ae.DataError, "'pitch' is infinite at sample 1 "),
+    "huge": ({"frame": FRAME.replace(FRAME.pitch[7], 1e200)}, ae.DataError, r"'pitch' reads 1e\+200 at sample 1,.*NaN"),
     "empty": ({"frame": FRAME.assign(pitch=np.nan)}, ae.DataError, "'pitch' holds no value at all; leave it out"),
     "no rows": ({"frame": FRAME.iloc[:0]}, ae.DataError, "no sample; at least one row"),
 }  # fmt: skip
@@ -95,6 +96,12 @@ def test_bad_tables_are_refused_with_a_remedy(case: str) -> None:
     changes, error, words = BAD[case]
     with pytest.raises(error, match=words):
         made(**changes)
+
+
+def test_numbers_as_large_as_may_be_are_read_and_so_are_missing_ones() -> None:
+    column = np.array([1e100, -1e100, 1e30, np.nan] * 15)
+    found = ae.Record.from_arrays({"pitch": column, "rotor_speed": ROWS[:60, 1]}, sample_time=0.1, **BOTH)
+    np.testing.assert_array_equal(found.values[:, 0], column)
 
 
 def test_bad_arrays_are_refused_with_a_remedy() -> None:

@@ -57,6 +57,8 @@ def constant(rows: list[list[str]]) -> list[list[str]]:
 MALFORMED: dict[str, tuple[Callable[[], bytes], set[int], list[str]]] = {
     "text": (with_cell(100, 1, "off"), {DATA}, ["'pitch'", "sample 100", "'off'"]),
     "infinite": (with_cell(100, 2, "inf"), {DATA}, ["'speed'", "sample 100"]),
+    "huge": (with_cell(100, 2, "-1e200"), {DATA}, ["'speed'", "reads -1e+200", "sample 100 (line 101)", "correct it"]),
+    "almost infinite": (with_cell(100, 2, "1e308"), {DATA}, ["'speed'", "reads 1e+308", "sample 100"]),
     "ragged": (with_rows(lambda r: [*r[:50], r[50][:2], *r[51:]]), {DATA}, ["sample 50", "2 cells"]),
     "missing column": (with_rows(lambda r: [["time_s", "pitch", "sped"], *r[1:]]), {DATA}, ["'speed'", "'sped'"]),
     "wrong unit": (with_rows(lambda r: [["time_s", "pitch [rad]", "speed"], *r[1:]]), {DATA}, ["'rad'", "'deg'"]),

@@ -6,6 +6,7 @@ import inspect
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,10 @@ import pytest
 import aeolid as ae
 from aeolid.cli.design import design as command
 from aeolid.cli.main import main
+from aeolid.excitation.candidates import Wanted, candidates, within_reach
+from aeolid.excitation.quantities import Bound
+from aeolid.excitation.signals import make_signals
+from aeolid.models.modes import Mode
 from aeolid.models.state_space import StateSpace
 from aeolid.plants.examples import turbine_model, write_examples
 
@@ -101,6 +106,8 @@ def test_modes_of_the_loop_take_the_controller(model):
         ([*WORDS, "--controller", "none.json"], 3, "none.json"),
         (["--bound", "pitch=1deg", "--duration", "10"], 4, "past window of 20"),
         ([*SHORT, "--signal", "multisine"], 2, "no two lines"),
+        ([*WORDS, "--sample-time", "2"], 2, "--sample-time 2: a value every 2 s reaches up to 0.225 Hz, not to tower"),
+        ([*WORDS, "--goal", "drive train", "--sample-time", "0.5"], 2, "0.9 Hz, not to drive train"),
     ],
 )
 def test_wrong_commands_end_with_a_sentence_and_no_file(model, tmp_path, monkeypatch, capsys, words, code, said):
@@ -139,6 +146,38 @@ def test_a_signal_nobody_asked_for_is_left_out(model, tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     assert main(["design", str(model), *SHORT, "--out", "e.csv"]) == 0
     assert "--band" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("signal", [None, "multisine", "filtered"])
+@pytest.mark.parametrize("step", [0.1, 0.2, 0.5, 1.0, 1.5, 4.0])
+def test_no_signal_is_designed_for_what_its_values_do_not_reach(step, signal):
+    """Whatever the time between values: bands below 0.45 of their rate, and goals in them, or a way out is told."""
+    slow, fast = (mode_at(f) for f in (0.4463, 1.677))
+    setup, wanted, rows = SimpleNamespace(step_s=step, bounds=(Bound("pitch", "deg", 1.0),)), Wanted(signal), 6000
+    within = tuple(m for m in (slow, fast) if m.frequency_hz < 0.45 / step)
+    if not within:
+        with pytest.raises(ae.UsageError, match=f"--sample-time {step:g}: .* give less than 0.268 s"):
+            within_reach((slow, fast), step, wanted)
+        return
+    goals, note = within_reach((slow, fast), step, wanted)
+    assert goals == within and ("nothing is designed for drive train 1.677 Hz" in note) == (len(within) < 2)
+    shapes = candidates(setup, goals, wanted, rows)
+    assert shapes and all(s.low_hz < s.high_hz <= 0.45 / step for s in shapes if s.kind != "prbs")
+    for shape in shapes:
+        assert abs(make_signals(shape, setup.bounds, rows, step, 1).values).max() <= 1.0
+
+
+def mode_at(hertz):
+    return Mode(hertz, 0.01, 0j, None, None, {}, name="drive train" if hertz > 1 else "tower fore-aft")
+
+
+def test_a_signal_that_is_asked_for_itself_is_made_at_any_rate(model):
+    """What it tells of modes beyond the reach of its values is foretold, not refused."""
+    goals = (mode_at(0.4463), mode_at(1.677))
+    for wanted in (Wanted("prbs"), Wanted(clock_s=4.0), Wanted(band_hz=(0.05, 0.2))):
+        assert within_reach(goals, 2.0, wanted) == (goals, "")
+    found = ae.design(ae.load_model(model), bound={"pitch": "5deg"}, duration=600, sample_time=2.0, signal="prbs")
+    assert found.result.signals.shape.clock_rows == 1
 
 
 def test_python_takes_times_as_the_command_does(model):

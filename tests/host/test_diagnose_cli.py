@@ -130,7 +130,7 @@ def test_everything_else_is_there(result: Path) -> None:
     with open(result / "sealed_before_after.csv", newline="") as handle:
         rows = list(csv.DictReader(handle))
     heads = [f"{n}_{k}" for n in ("position", "speed") for k in ("measured", "before", "after")]
-    assert list(rows[0]) == ["time_s", *heads]
+    assert list(rows[0]) == ["time_s", *heads, "stretch"] and {r["stretch"] for r in rows} == {"1"}
     table = np.array([[float(v) for v in r.values()] for r in rows])
     assert np.all(np.diff(table[:, 0]) > 0) and table[0, 0] > 0.7 * SAMPLES * rig.STEP_S - 1e-9
     for n in (1, 4):

@@ -164,6 +164,18 @@ def test_missing_readings_change_little_and_mark_nothing(tmp_path: Path) -> None
     assert marked(maps) == set() and maps["effort"] and maps["horizon"]
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_an_output_that_was_read_in_none_of_the_rows_has_no_error_there(tmp_path: Path) -> None:
+    """Nothing is warned of, and the other output's errors are what they were."""
+    bare = stage(tmp_path, recording(kp=0.0)[:2000]).only(())
+    predictor, point = bare.predictor, bare.fit.point
+    runs = [predictor.run(point, i)[2] for i in range(len(predictor.segments))]
+    gone = predictor.on([replace(s, y=s.y * [np.nan, 1.0]) for s in predictor.segments])
+    whole, half = expected._ahead(predictor, point, runs), expected._ahead(gone, point, runs)
+    assert len(half) > 2 and np.isnan(half[:, 0]).all() and np.isfinite(whole).all()
+    np.testing.assert_array_equal(half[:, 1], whole[:, 1])
+
+
 def test_a_loop_whose_outputs_are_read_at_every_other_input_is_seen_but_not_told(tmp_path: Path) -> None:
     """What the controller does between the rows is not known."""
     prepared = stage(tmp_path, recording()).only(())

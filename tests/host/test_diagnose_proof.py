@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from aeolid.diagnose.conclusion.export import write_series
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -86,6 +89,22 @@ def test_a_segment_shorter_than_the_horizon_has_no_part_in_it() -> None:
     assert beside["steps"] == alone["steps"]
     far = alone["steps"].index(50.0)
     assert beside["before"][far] == pytest.approx(alone["before"][far], rel=0.01)
+
+
+def test_all_sealed_stretches_are_shown_and_told_apart(tmp_path: Path) -> None:
+    """What the table holds has the errors that are reported, which are those over all stretches."""
+    parts = held(0.9), replace(held(0.9), source="other", start_s=50.0, burn=30)
+    proof = prove(pair(0.9, parts[0]), pair(0.7, parts[0]), parts, 100 * STEP, 1)
+    write_series(proof.series, tmp_path / "series.csv")
+    table = np.genfromtxt(tmp_path / "series.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("time_s", "y_measured", "y_before", "y_after", "stretch")
+    for number, part in enumerate(parts, start=1):
+        own = table[table["stretch"] == number]
+        np.testing.assert_allclose(own["time_s"], part.start_s + STEP * np.arange(part.burn, ROWS))
+        np.testing.assert_allclose(own["y_measured"], part.y[part.burn :, 0], rtol=1e-8)
+    for name, told in (("y_before", proof.nrmse_before), ("y_after", proof.nrmse_after)):
+        error = np.sqrt(np.mean((table["y_measured"] - table[name]) ** 2)) / np.std(table["y_measured"])
+        assert error == pytest.approx(told["y"], rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,9 @@ from rotor_rig import rotor
 import aeolid as ae
 from aeolid.cli.common import extent
 from aeolid.cli.main import main
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.forensics import examine
+from aeolid.diagnose.data.masking import masked_case
 from aeolid.diagnose.rules import DecisionRules
 from aeolid.errors import DataError
 from aeolid.fleet.campbell import find_campbell
@@ -30,7 +33,7 @@ from aeolid.models.fill_values import FILL_VALUES, SPREADS, fill_values_in, with
 from aeolid.models.load import LinearModel
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 from aeolid.plants.structure import shaken, shear_building
-from aeolid.record import Channel, Record
+from aeolid.record import ROLES, Channel, Record
 
 LOST = slice(100, 1500, 97)  # rows, and the channel y1, in which the logger has none
 COUNT = len(range(*LOST.indices(1500)))
@@ -116,6 +119,22 @@ def test_a_campbell_diagram_takes_them_as_missing_samples() -> None:
     found = find_campbell(records, blades="auto", past=16, largest=16, decimation=2)
     assert found.runs[0].wind_m_s == pytest.approx(6.0, rel=0.2)
     assert "10 samples of" in found.summary() and len(found.to_json()["runs"][0]["notes"]) == 1
+
+
+@pytest.mark.parametrize("role", [r for r in ROLES if r != "ignore"])
+def test_a_diagnosis_takes_them_as_missing_samples_whatever_the_channel_is_for(role: str) -> None:
+    """Whether model or catalogue asks for it; told once, and no fault of the recording."""
+    cases = []
+    for value in (-9999.0, np.nan):
+        record = lost(driven(), value)
+        channels = tuple(replace(c, role=role) if c.name == "y1" else c for c in record.channels)
+        record = replace(record, channels=channels)
+        cases.append(Case("a plant", (record,), "state_space", fourth_order(), "model.json", "", {}, Path()))
+    coded, empty = (masked_case(c)[0].records[0].values for c in cases)
+    np.testing.assert_array_equal(coded, empty)
+    said = [f for f in examine(cases[0].records) if "-9999" in f.finding]
+    assert [(f.check, f.severity, f.left_out) for f in said] == [("code", "warning", True)]
+    assert f"{COUNT} samples read -9999" in said[0].finding
 
 
 def test_a_free_run_scores_none_of_them_and_names_one_that_an_input_lacks() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 from study_modules import load_study
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
@@ -17,7 +18,7 @@ from aeolid.fleet.onset import conclusions, find_onset, notable, say_change, unt
 from aeolid.fleet.plan import Plan, find_recordings, parse_window
 from aeolid.fleet.summary import load, merge_all, save, summarise
 from aeolid.fleet.tasks import Period
-from aeolid.fleet.tracking import drift, mac, track
+from aeolid.fleet.tracking import drift, in_common_scales, mac, track
 from aeolid.identify.split import cut
 from aeolid.identify.varx import identify_varx
 from aeolid.identify.windows import factorise, find_scaling
@@ -221,6 +222,42 @@ def mode(frequency, damping, shape):
     s = 2 * np.pi * frequency * (-damping + 1j * np.sqrt(1 - damping**2))
     z = np.exp(0.1 * s)
     return {"eigenvalue": [z.real, z.imag], "shape": [[v.real, v.imag] for v in np.asarray(shape, dtype=complex)]}
+
+
+def test_slow_motion_of_another_size_breaks_no_track(plan):
+    """In every second period the level of another output wanders by thirty deviations; modes and shapes stay."""
+    plain, found = simulate_fourth_order(4000, 1, feedback=0.25), []
+    for k in range(4):
+        slow = lfilter([1.0], [1.0, -0.995], np.random.default_rng(k).standard_normal(4000))
+        record = simulate_fourth_order(4000, k, feedback=0.25)
+        column = 2 + k % 2
+        size = 30 * np.std(plain.values[:, column]) / np.std(slow)
+        values = record.values + size * slow[:, None] * (np.arange(4) == column)
+        found.append(model_summary(summarise(replace(record, values=values), PAST), plan, 5, "a day"))
+    kept = [[m for m in p["modes"] if m["eigenvalue"][1] > 0.1] for p in found]  # not the slow motion
+    periods = [p | {"modes": modes} for p, modes in zip(found, kept, strict=True)]
+    assert track([(1.0, p["modes"]) for p in periods]) != [[0, 1]] * 4
+    in_common_scales(periods)
+    assert track([(1.0, p["modes"]) for p in periods]) == [[0, 1]] * 4
+    shapes = np.array([[[complex(*v) for v in m["shape"]] for m in p["modes"]] for p in periods])
+    for mode in range(2):
+        assert all(mac(shapes[0, mode], shapes[k, mode]) > 0.95 for k in range(1, 4))
+
+
+def test_common_scales_leave_shapes_in_units_as_they_are():
+    """Whatever scales shapes are told in: times these they are what they were, up to a factor each."""
+    random = np.random.default_rng(2)
+    scales = np.exp(random.standard_normal((3, 2)))
+    units = random.standard_normal((3, 2, 2)) + 1j * random.standard_normal((3, 2, 2))  # (periods, modes, outputs)
+    told = [[mode(1.0, 0.01, shape / scale) for shape in of] for of, scale in zip(units, scales, strict=True)]
+    periods = [{"output_scale": scale.tolist(), "modes": modes} for scale, modes in zip(scales, told, strict=True)]
+    in_common_scales(periods)
+    assert all(p["output_scale"] == periods[0]["output_scale"] for p in periods)
+    for p, of in zip(periods, units, strict=True):
+        for m, shape in zip(p["modes"], of, strict=True):
+            found = np.array([complex(*v) for v in m["shape"]])
+            assert np.max(abs(found)) == pytest.approx(1.0)
+            assert mac(found * p["output_scale"], shape) == pytest.approx(1.0)
 
 
 def test_modes_that_cross_keep_their_track_by_shape():

@@ -420,7 +420,7 @@ def period_facts(turbine, number, middle_s, frequency_hz):
     mode = {"eigenvalue": [pole.real, pole.imag], "shape": [[1, 0]], "frequency_hz": frequency_hz, "damping": 0.02,
             "frequency_std_hz": 1e-4, "damping_std": 1e-3, "name": "tower", "rotor_order": None}  # fmt: skip
     return {"turbine": turbine, "period": str(number), "start_s": middle_s, "middle_s": middle_s,
-            "sample_time_s": 0.1, "modes": [mode]}  # fmt: skip
+            "sample_time_s": 0.1, "output_scale": [1.0], "modes": [mode]}  # fmt: skip
 
 
 def test_the_clock_of_one_turbine_says_nothing_of_another():

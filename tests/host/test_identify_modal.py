@@ -13,6 +13,7 @@ from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.formats import write_table
 from aeolid.identify.clusters import Cluster, Criteria, _hand_out, _judge
 from aeolid.identify.compressed import compress
+from aeolid.identify.decimate import decimate
 from aeolid.identify.diagram import Pole
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.modal import find_modal, shrunk_phases
@@ -21,8 +22,10 @@ from aeolid.identify.shape_spread import shape_covariance
 from aeolid.identify.subspace import find_states, regressed_matrices
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import find_scaling
+from aeolid.models.angles import turn_of
 from aeolid.models.shapes import assurance
-from aeolid.plants.structure import Harmonics, shaken, shear_building
+from aeolid.plants.structure import Harmonics, Structure, shaken, shear_building
+from aeolid.record import Channel, Record
 
 KNOWN = Path(__file__).resolve().parents[2].parent / "shared" / "cases" / "known" / "openfast_reference"
 STEP = 0.1
@@ -242,3 +245,33 @@ def test_phases_that_chance_explains_are_shrunk_towards_a_real_shape():
     np.testing.assert_allclose(shrunk_phases(sure, root), sure, rtol=0.01)
     np.testing.assert_array_equal(shrunk_phases(sure, np.zeros((4, 3))), sure)
     np.testing.assert_array_equal(shrunk_phases(sure, np.full((4, 3), np.nan)), sure)
+
+
+def test_what_folds_down_from_beyond_half_of_the_lowered_rate_is_told():
+    """At 20 Hz a mode of 3.5 Hz; thinned fourfold it is listed at 5 − 3.5 = 1.5 Hz, and said to be its image."""
+    hertz, damping = 2 * np.pi * np.array([0.4, 1.1, 3.5]), 0.01
+    shapes = np.array([[1.0, 0.5, 0.4], [0.3, 1.0, -0.8]])
+    tower = Structure(
+        np.eye(3), np.diag(2 * damping * hertz), np.diag(hertz**2), np.diag(hertz), shapes, ("tower_top", "tower_mid")
+    )
+    fast = shaken(tower, 16000, 0.05, 1)
+    found = find_modal([fast], past=20, decimation=4)
+    assert [m.frequency_hz for m in found.modes] == pytest.approx([0.4, 1.1, 1.5], rel=0.01)
+    assert [m.folded_from_hz for m in found.modes[:2]] == [None, None]
+    assert found.modes[2].folded_from_hz == pytest.approx(3.5, rel=0.02)
+    assert any("images of what lies beyond" in note for note in found.notes)
+    plain = find_modal([fast], past=40)
+    assert plain.modes[-1].frequency_hz == pytest.approx(3.5, rel=0.01) and not plain.notes
+
+
+@pytest.mark.parametrize("unit", ["deg", "°", "degrees", "rad", "rev", "turn"])
+def test_an_angle_is_thinned_on_the_circle_in_every_unit(unit):
+    """A rotor at 12 rpm, read every 0.05 s for 60 s: thinned by 5 the angle goes on by 18° a row."""
+    time = np.arange(1200) * 0.05
+    turns = np.mod(0.2 * time, 1.0)
+    angle = Channel("azimuth", unit, role="azimuth")
+    record = Record(time, (turns * turn_of(unit))[:, None], (angle,), 0.05, "rotor", "")
+    slow = decimate(record, 5)
+    steps = np.diff(np.unwrap(slow.values[:, 0] / turn_of(unit) * 2 * np.pi))
+    np.testing.assert_allclose(steps, 2 * np.pi * 0.2 * 0.25, atol=1e-6)
+    assert slow.values.max() <= turn_of(unit) and slow.values.max() > 0.9 * turn_of(unit)

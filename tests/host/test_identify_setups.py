@@ -14,6 +14,7 @@ from aeolid.errors import DataError, UsageError
 from aeolid.formats import write_table
 from aeolid.identify.clusters import Cluster
 from aeolid.identify.modal import find_modal
+from aeolid.identify.setup_realisation import realise
 from aeolid.identify.setup_request import outputs_of
 from aeolid.identify.setup_shapes import PartShape, _whole, joined
 from aeolid.identify.setups import merge
@@ -219,6 +220,50 @@ def test_a_reference_in_other_units_is_refused():
     channels = tuple(replace(c, unit="mm") if c.name == REFERENCES[1] else c for c in RECORDS[1].channels)
     with pytest.raises(DataError, match="in m in set-up 1 and in mm in set-up 2"):
         outputs_of([[RECORDS[0]], [replace(RECORDS[1], channels=channels)]], REFERENCES, None)
+
+
+def measured(modals, place, factors):
+    """Return the modal analyses with one set-up recorded again by references that have other factors."""
+    record = RECORDS[place]
+    values = record.values * [factors.get(c.name, 1.0) for c in record.channels]
+    return [*modals[:place], find_modal([replace(record, values=values)]), *modals[place + 1 :]]
+
+
+@pytest.mark.parametrize("way", [merge, realise])
+@pytest.mark.parametrize(
+    ("place", "factors", "text"),
+    [
+        (1, {"level_2": -1.0}, r"'level_2' has another sign in set-up 2 \(.* it is -1 times .* by -1;"),
+        (0, {"level_2": 3.0}, r"'level_2' has another gain in set-up 1 \(.* it is 3\.?\d* times .* by 0\.33\d*;"),
+        (2, {"level_6": -2.0}, r"'level_2' has another sign and gain in set-up 3 \(.* or 'level_6' has.* by -(2|1\.9)"),
+    ],
+)  # fmt: skip
+def test_a_reference_of_another_sign_or_gain_in_one_set_up_is_refused_by_name(modals, way, place, factors, text):
+    """The set-up that is not as the two others; of two references either may be the wrong one."""
+    with pytest.raises(DataError, match=text) as refusal:
+        way(measured(modals, place, factors), REFERENCES)
+    assert "leave it out of the references" in str(refusal.value) and str(refusal.value).count("set-up 2") <= 1
+
+
+def test_a_gain_that_is_a_little_other_is_said_and_what_references_cannot_tell_is_not(found, modals):
+    """Of a sign and gain that all references have nothing is known."""
+    assert found.notes == ()
+    (note,) = merge(measured(modals, 1, {"level_2": 1.15}), REFERENCES).notes
+    assert "'level_2' has another gain in set-up 2" in note and "1.1" in note
+    assert merge(measured(modals, 1, {"level_2": -2.0, "level_6": -2.0}), REFERENCES).notes == ()
+
+
+def test_of_three_references_the_one_that_is_other_is_named():
+    """Sensors at levels 2, 4 and 6 stay: two of them agree, and the third is named without doubt."""
+    references = ("level_2", "level_4", "level_6")
+    records = [study.setup(CHAIN, (moved,), 60 + i, 1.0, references=references)
+               for i, moved in enumerate(("level_1", "level_7"))]  # fmt: skip
+    turned = records[1].values * [-1.0 if c.name == "level_4" else 1.0 for c in records[1].channels]
+    first, other = (find_modal([r]) for r in (records[0], replace(records[1], values=turned)))
+    with pytest.raises(
+        DataError, match=r"^reference 'level_4' has another sign in set-up 2 .* than in set-up 1 .*: beside"
+    ):
+        merge([first, other], references)
 
 
 def test_sample_times_may_differ():

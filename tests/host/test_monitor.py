@@ -404,6 +404,25 @@ def test_another_run_is_put_behind_the_one_before() -> None:
     assert times == pytest.approx([0.9, 1.0 + 0.5]) and track.starts == pytest.approx([0.0, 1.0])
 
 
+@pytest.mark.parametrize("modes_first", [True, False])
+def test_another_run_begins_behind_the_newest_that_was_seen(modes_first: bool) -> None:
+    """Modes are of a snapshot, which may be older than the samples that have come since."""
+    d = describe(3)
+    track, index = Track(configure(d)), np.arange(512)
+    steps = [
+        lambda: track.take_modes(40.0, ()),
+        lambda: track.take_samples(index, (np.zeros((512, 1)), np.zeros((512, 2)), None)),
+    ]
+    for step in steps if modes_first else steps[::-1]:
+        step()
+    newest = 511 * d.sample_time_s
+    assert track.last_s == pytest.approx(newest) and [t for t, _ in track.modes.rows()] == [40.0]
+    track.enter(1)
+    assert track.start == pytest.approx(newest + d.sample_time_s)
+    track.take_modes(3.0, ())
+    assert track.last_s == pytest.approx(track.start + 3.0)
+
+
 def test_every_flag_of_a_filter_has_a_remedy() -> None:
     from aeolid.filters.settings import HEALTH as FLAGS
     from aeolid.monitor.remedies import HEALTH as REMEDIES

@@ -19,7 +19,7 @@ from aeolid.diagnose.run_prior.conclude import _stands
 from aeolid.diagnose.run_prior.pair import NOTHING, Pair, Side
 from aeolid.report import bode
 from aeolid.report.answer import _proof
-from aeolid.report.evidence import _time_figure
+from aeolid.report.evidence import _one_stretch, _time_figure
 
 GRID = np.geomspace(0.01, 5.0, 60)
 RESONANCE = {
@@ -100,3 +100,17 @@ def test_means_over_blocks_are_called_so_and_stand_at_their_middle() -> None:
     series = {"time_s": time_s.tolist(), "measured": measured[:, 0].tolist(), "before": measured[:, 0].tolist()}
     assert "Grey: measured, in means over 0.200 s;" in _time_figure("y", series | {"mean_of_s": 0.2}, "after", 0.2, 9)
     assert "means" not in _time_figure("y", series, "after", None, 9)
+
+
+def test_of_several_sealed_stretches_that_is_drawn_in_which_the_models_differ_most() -> None:
+    """The times of two recordings may be the same: one line over both would go back and forth."""
+    time_s, apart = np.arange(50.0), np.array([0.0, 2.0, 1.0]).repeat(50)
+    series: dict[str, Any] = {
+        "time_s": np.tile(time_s, 3).tolist(), "stretch": [1] * 50 + [2] * 50 + [3] * 50, "unit": "m",
+        "measured": [None] * 150, "before": (100.0 + apart).tolist(), "after": [100.0] * 150,
+    }  # fmt: skip
+    assert "y: all 49.0 s of stretch 2 of 3. Grey" in _time_figure("y", series, "after", None, 999)
+    alone = {k: v if k == "unit" else v[50:100] for k, v in series.items()}
+    drawn, own = (_one_stretch(s)[0] for s in (series, alone))
+    assert all(list(drawn[k]) == own[k] for k in ("time_s", "before", "after"))
+    assert _one_stretch(alone) == (alone, "")

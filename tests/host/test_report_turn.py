@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,21 +79,37 @@ def stretch(burn: int = 50, stride: int = 2) -> tuple[Segment, dict[str, dict[st
 
 def test_what_is_left_over_is_measured_less_predicted_at_the_angle_of_its_row() -> None:
     segment, series, _ = stretch()
-    found = turning_errors(segment, ["pitch", "azimuth"], CHANNELS, series)["y"]
+    found = turning_errors([segment], ["pitch", "azimuth"], CHANNELS, series)["y"]
     size, at = wave(found["azimuth_deg"], found["before"], 1)
     # within a bin of 10 degrees a wave falls by sin(5°)/5° = 0.13 %; rows stand anywhere in their bin
     assert size == pytest.approx(0.4, rel=0.01) and at == pytest.approx(70.0, abs=1.0)
     assert np.abs(found["after"]).max() < 1e-12 and found["unit"] == "m"
 
 
+def test_all_sealed_stretches_count_each_at_its_own_angles() -> None:
+    """Two halves say what the whole says; a wave in the second alone is half as high over both."""
+    segment, series, left = stretch(burn=50)
+    half = 2000
+    first = replace(segment, u=segment.u[: 2 * half], y=segment.y[:half])
+    second = replace(segment, u=segment.u[2 * half :], y=segment.y[half:], start_s=100.0 + 2 * STEP * half, burn=0)
+    names = ["pitch", "azimuth"]
+    whole, both = (turning_errors(s, names, CHANNELS, series)["y"] for s in ([segment], [first, second]))
+    np.testing.assert_array_equal(both["before"], whole["before"])
+    facts = dict(series["y"])
+    facts["before"] = (np.array(facts["before"]) + np.append(left[50:half], np.zeros(half))).tolist()
+    found = turning_errors([first, second], names, CHANNELS, {"y": facts})["y"]
+    assert wave(found["azimuth_deg"], found["before"], 1)[0] == pytest.approx(0.2, rel=0.05)
+    assert turning_errors([first], names, CHANNELS, series) == {}
+
+
 def test_without_an_angle_or_of_another_stretch_nothing_is_said() -> None:
     segment, series, _ = stretch()
-    assert turning_errors(segment, ["pitch"], CHANNELS, series) == {}
-    assert turning_errors(segment, ["pitch", "azimuth"], CHANNELS[:1], series) == {}
+    assert turning_errors([segment], ["pitch"], CHANNELS, series) == {}
+    assert turning_errors([segment], ["pitch", "azimuth"], CHANNELS[:1], series) == {}
     other = {"y": series["y"] | {"time_s": [t + 50.0 for t in series["y"]["time_s"]]}}
-    assert turning_errors(segment, ["pitch", "azimuth"], CHANNELS, other) == {}
+    assert turning_errors([segment], ["pitch", "azimuth"], CHANNELS, other) == {}
     short = {"y": {k: v if k == "unit" else v[:-1] for k, v in series["y"].items()}}
-    assert turning_errors(segment, ["pitch", "azimuth"], CHANNELS, short) == {}
+    assert turning_errors([segment], ["pitch", "azimuth"], CHANNELS, short) == {}
 
 
 def page(effect: dict[str, Any], evidence: dict[str, Any], folder: Path) -> str:
@@ -108,7 +125,7 @@ ROTOR = {"id": "mass_imbalance", "family": "rotor_1p"}
 
 def test_an_effect_of_the_rotor_has_its_picture_beside_it_and_others_where_they_sit(tmp_path: Path) -> None:
     segment, series, _ = stretch()
-    errors = {"turning_errors": turning_errors(segment, ["pitch", "azimuth"], CHANNELS, series)}
+    errors = {"turning_errors": turning_errors([segment], ["pitch", "azimuth"], CHANNELS, series)}
     parts = ("The effect</h2>", "Over the rotor", "What decided</h2>", "Where it sits</h2>")
     named, other = page(ROTOR, errors, tmp_path), page({}, errors, tmp_path)
     assert named.count("measured less predicted") == other.count("measured less predicted") == 1

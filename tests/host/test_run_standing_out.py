@@ -17,7 +17,7 @@ from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.explain import explain
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Side
-from aeolid.diagnose.run_prior.proof import prove
+from aeolid.diagnose.run_prior.proof import _foretold, _series, prove
 from aeolid.diagnose.run_prior.search import Search
 from aeolid.diagnose.run_prior.standing_out import local_of, local_rise, lone_mode, once_of, risen_of
 from aeolid.record import Channel, Record
@@ -199,6 +199,20 @@ def test_an_effect_beside_a_missing_mode_is_in_the_proof() -> None:
     both = prove(pair, replace(alone, change=Change(extra=turning)), ridge)
     assert both.gain > prove(pair, alone, ridge).gain + 20
     assert set(both.series) == set(pair.shown)
+
+
+def test_the_sealed_part_of_every_recording_is_in_the_series() -> None:
+    """Each in its turn, as if it had been the only one of the recordings."""
+    pair = pair_of([turbine(8, line=3.0), turbine(9, line=3.0)], [turbine(2, 0.0)], CONTEXT)
+    bare = _foretold(pair, NOTHING, Search(pair).ridge, np.linspace(FIT, 1.0, 3), 0.3)
+    series = _series(pair, bare, bare, NOTHING)[pair.shown[0]]
+    stretch = np.array(series["stretch"])
+    assert len(stretch) == len(series["time_s"]) == len(series["after"]) and set(stretch.tolist()) == {1, 2}  # type: ignore[arg-type]
+    for number, side in enumerate(pair.recordings, start=1):
+        theta = np.zeros((pair.past * len(pair.scale) + pair.held + 1, len(pair.shown)))
+        times, measured, _ = pair.predicted(side, NOTHING, theta, FIT)
+        np.testing.assert_array_equal(np.array(series["time_s"])[stretch == number], times)
+        np.testing.assert_array_equal(np.array(series["measured"])[stretch == number], measured[:, 0])
 
 
 def test_a_band_beyond_what_samples_show_has_no_answer() -> None:

@@ -12,7 +12,7 @@ from aeolid.errors import DataError, OpenUnit, UsageError
 from aeolid.formats.clock import clock_of as in_seconds
 from aeolid.formats.clock import is_time_heading
 from aeolid.formats.headings import split_heading
-from aeolid.formats.table import Table, to_numbers
+from aeolid.formats.table import Table, require_of_size, to_numbers
 from aeolid.formats.timebase import Grid, uniform_grid
 
 Array = NDArray[np.float64]
@@ -59,12 +59,7 @@ def placed(
     if table.samples == 0:
         raise DataError(f"{source}: no sample; at least one row is needed")
     for name, column in values.items():
-        infinite = np.flatnonzero(np.isinf(column))
-        if len(infinite):
-            raise DataError(
-                f"{source}: channel {name!r} is infinite at {table.place(int(infinite[0]))}"
-                f" ({len(infinite)} in all); set it to NaN if the sample is missing"
-            )
+        require_of_size(table, name, column, "set it to NaN if the sample is missing")
         if np.isnan(column).all():
             raise DataError(f"{source}: channel {name!r} holds no value at all; leave it out")
     grid = uniform_grid(table, time, sample_time)

@@ -52,7 +52,8 @@ def diagnose(
         What is known of the machine, as [context] of case.toml: machine, blades, rated_speed_rad_s,
         gearbox_ratio, offshore, closed_loop.
     same_inputs : bool
-        Whether a simulator's run had the recorded inputs.
+        Whether a simulator's run had the recorded inputs and wind, sample by sample. Only for a baseline that is one
+        run; a model is always given the recorded inputs.
     sham : int
         Null simulations of the whole procedure, 0 to 1000; none are made where the baseline is a run.
     seed : int

@@ -226,6 +226,8 @@ class Diagnosis:
     def plot_before_after(self, axes: Any = None) -> Any:
         """Draw the sealed data, and what the model predicts of them before and after the correction.
 
+        Several sealed stretches follow each other; one whose times the others have, too, is drawn behind them.
+
         Parameters
         ----------
         axes : array of matplotlib.axes.Axes, optional
@@ -247,8 +249,8 @@ class Diagnosis:
         found = places.grid(axes, len(series), 1, size=(7.0, 2.0), sharex=True)[:, 0]
         for place, (name, values) in zip(found, series.items(), strict=True):
             for kind, colour in (("measured", "0.55"), ("before", "C1"), ("after", "C0")):
-                y = np.array([np.nan if v is None else v for v in values[kind]], dtype=float)
-                place.plot(values["time_s"], y, linewidth=0.9, label=kind, color=colour)
+                time_s, y = _in_turn(values, kind)
+                place.plot(time_s, y, linewidth=0.9, label=kind, color=colour)
             place.set_ylabel(places.label(f"{name} ({values.get('unit') or '1'})"))
         found[0].legend(loc="upper right")
         found[0].set_title("sealed data", fontsize="medium")
@@ -300,6 +302,19 @@ class Diagnosis:
         lines = [self.statement, *(f"WARNING: {text}" for text in self.warnings)]
         lines += [] if self.next_experiment is None else [f"Next: {self.next_experiment}"]
         return markup.shown(repr(self)[1:-1], *([self.effects._repr_html_()] if len(self.effects) else []), lines=lines)
+
+
+def _in_turn(series: Mapping[str, Any], kind: str) -> tuple[Any, Any]:
+    """Return times and values of a line over the sealed stretches, a gap between two of them.
+
+    A stretch that begins before the last one ends, as one of another recording may, is put behind it.
+    """
+    time_s = np.asarray(series["time_s"], dtype=float)
+    values = np.array([np.nan if v is None else v for v in series[kind]], dtype=float)
+    first = np.flatnonzero(np.diff(np.asarray(series.get("stretch") or np.ones(len(time_s))))) + 1
+    for k in first:
+        time_s[k:] += max(0.0, time_s[k - 1] + (time_s[1] - time_s[0]) - time_s[k])
+    return np.insert(time_s, first, np.nan), np.insert(values, first, np.nan)
 
 
 def _effect_row(effect: Effect) -> dict[str, Any]:

@@ -71,6 +71,24 @@ def read_goal(modes: Sequence[Mode], step_s: float, goal: float | str | None) ->
     raise UsageError(f"--goal {goal}: no mode within a fifth of it; the modes are {told}")
 
 
+def within_reach(goals: Sequence[Mode], step_s: float, wanted: Wanted) -> tuple[tuple[Mode, ...], str]:
+    """Return the goals that a signal with a value every step_s reaches, and a note on those that it does not.
+
+    All are kept where the band or the clock of the signal is asked for: what it tells of each is foretold. Raises
+    UsageError where none is left.
+    """
+    reach = FAST / step_s
+    beyond = [m for m in goals if m.frequency_hz >= reach]
+    if not beyond or wanted.band_hz is not None or wanted.clock_s is not None or wanted.signal == "prbs":
+        return tuple(goals), ""
+    told = ", ".join(f"{m.name} {m.frequency_hz:.4g} Hz".strip() for m in beyond)
+    what = f"a value every {step_s:g} s reaches up to {reach:.3g} Hz"
+    if len(beyond) == len(goals):
+        needed = FAST / max(m.frequency_hz for m in beyond)
+        raise UsageError(f"--sample-time {step_s:g}: {what}, not to {told}; give less than {needed:.3g} s")
+    return tuple(m for m in goals if m not in beyond), f"{what}; nothing is designed for {told}"
+
+
 def candidates(setup: Setup, goals: Sequence[Mode], wanted: Wanted, rows: int) -> list[Shape]:
     """Return the shapes to try, each once; raises UsageError where what is asked for does not fit."""
     out: list[Shape] = []

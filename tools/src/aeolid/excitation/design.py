@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.excitation.candidates import Wanted, candidates, read_goal
+from aeolid.excitation.candidates import Wanted, candidates, read_goal, within_reach
 from aeolid.excitation.forecast import Forecast, Forecaster, ModeForecast
 from aeolid.excitation.quantities import Amounts, Bound, read_bounds, read_limits
 from aeolid.excitation.result import Candidate, Design
@@ -163,7 +163,9 @@ class _Search:
 
     def __init__(self, setup: Setup, request: DesignRequest, limits: Mapping[str, float], rows: int, source: str):
         self.setup, self.request, self.rows, self.source = setup, request, rows, source
-        self.goals = read_goal(setup.modes, setup.plant.sample_time_s, request.goal)
+        goals = read_goal(setup.modes, setup.plant.sample_time_s, request.goal)
+        self.goals, beyond = within_reach(goals, setup.step_s, request.wanted)
+        self.notes = (*setup.notes, *([beyond] if beyond else []))
         self.forecaster = Forecaster(setup)
         names = [s.name for s in setup.plant.outputs]
         self.limits = np.array([limits.get(n, math.inf) for n in names])
@@ -184,7 +186,7 @@ class _Search:
             self.request.quantity, self.request.seed, self.setup.bounds,
             {n: v for n, v in zip([s.name for s in self.setup.plant.outputs], self.limits.tolist(), strict=True)
              if math.isfinite(v)},
-            self.request.on_top, self.setup.method, self.setup.controller is not None, self.setup.notes, self.source,
+            self.request.on_top, self.setup.method, self.setup.controller is not None, self.notes, self.source,
         )  # fmt: skip
 
     def _tried(self, before: Mapping[Shape, Trial]) -> tuple[Signals, dict[Shape, Trial]]:

@@ -55,7 +55,8 @@ def model_summary(summary: Summary, plan: Plan, order: int, what: str) -> dict[s
     return {
         "recordings": summary.recordings, "windows": factor.windows, "windows_skipped": factor.skipped, "order": order,
         "sample_time_s": summary.sample_time_s, "vaf_percent": _vaf(factor, T, through), "rotor_hz": summary.rotor_hz,
-        "singular_values": basis.singular_values[: 2 * order].tolist(), "model": model.to_json(),
+        "output_scale": outputs.tolist(), "singular_values": basis.singular_values[: 2 * order].tolist(),
+        "model": model.to_json(),
         "modes": [m.to_json() | {"shape": s} for m, s in zip(modes, _shapes(model, outputs, modes), strict=True)],
     }  # fmt: skip
 
@@ -159,7 +160,8 @@ def _empty_record(summary: Summary, plan: Plan) -> Record:
 def _shapes(model: StateSpace, scale: Array, modes: tuple[Mode, ...]) -> list[list[list[float]]]:
     """Return each mode's outputs [real, imaginary] in units of their scales: what tells modes of one frequency apart.
 
-    The largest is 1, so that the numbers do not depend on the length LAPACK gives an eigenvector.
+    Scales are those of the period; `tracking.in_common_scales` makes shapes of several comparable. The largest is 1, so
+    that the numbers do not depend on the length LAPACK gives an eigenvector.
     """
     values, vectors = np.linalg.eig(model.A)
     shapes = []

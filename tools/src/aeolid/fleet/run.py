@@ -26,7 +26,7 @@ from aeolid.fleet.tasks import (
     prepare_cache,
     reason_of,
 )
-from aeolid.fleet.tracking import drift, track
+from aeolid.fleet.tracking import drift, in_common_scales, track
 from aeolid.fleet.workers import Pool
 from aeolid.formats.timebase import CLOCK_TOLERANCE
 from aeolid.wording import counted
@@ -218,9 +218,10 @@ def _all(
 
 
 def _mark_tracks(periods: list[Facts]) -> None:
-    """Write the number of its track into every mode."""
+    """Write the number of its track into every mode, and its shape in scales that a turbine's periods share."""
     for turbine in dict.fromkeys(p["turbine"] for p in periods):
         own = [p for p in periods if p["turbine"] == turbine]
+        in_common_scales(own)
         numbers = track([(p["sample_time_s"], p["modes"]) for p in own])
         for period, given in zip(own, numbers, strict=True):
             for mode, number in zip(period["modes"], given, strict=True):

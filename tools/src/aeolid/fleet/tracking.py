@@ -21,12 +21,31 @@ LEAST_MAC = 0.3  # modal assurance below which they are not, however near
 def track(periods: Sequence[tuple[float, Sequence[Facts]]]) -> list[list[int]]:
     """Return the number of the track each mode belongs to, for each period in the order of time.
 
-    periods: sample time (s) and modes of each, with eigenvalue and shape [[re, im], …]. Modes of a period are assigned
+    periods: sample time (s) and modes of each, with eigenvalue and shape [[re, im], …] in scales that all periods have
+    in common. Modes of a period are assigned
     to the tracks seen so far, each at its last place, so that the sum of |Δs|/|s| + (1 − MAC)/2 is least; a mode
     farther than FARTHEST in the first or under LEAST_MAC starts a track. Tracks are numbered as they appear, by
     frequency within a period.
     """
     return follow([[_place(mode, step) for mode in modes] for step, modes in periods], _distance)
+
+
+def in_common_scales(periods: Sequence[Facts]) -> None:
+    """Bring the shapes of all modes of a turbine's periods to one scale of each output, the median over the periods.
+
+    periods: with "output_scale" (l,) and "modes", each with "shape", whose entries are in these scales; both are
+    changed. Where an output's slow motion is larger in one period than in the next, shapes in each period's own
+    deviations are not alike although the mode is the same.
+    """
+    common = np.median([p["output_scale"] for p in periods], axis=0)
+    for period in periods:
+        ratio = np.asarray(period["output_scale"]) / common
+        for mode in period["modes"]:
+            shape = np.asarray(mode["shape"], dtype=float) * ratio[:, None]
+            largest = complex(*max(shape, key=lambda v: float(np.hypot(*v))))
+            turned = (shape[:, 0] + 1j * shape[:, 1]) / (largest or 1.0)
+            mode["shape"] = [[float(v.real), float(v.imag)] for v in turned]
+        period["output_scale"] = common.tolist()
 
 
 def follow(steps: Sequence[Sequence[Place]], distance: Callable[[Place, Place], float | None]) -> list[list[int]]:

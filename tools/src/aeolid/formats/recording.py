@@ -17,7 +17,7 @@ from aeolid.formats import extras
 from aeolid.formats.bladed import beside, companions, is_bladed, read_bladed
 from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
-from aeolid.formats.table import Array, Choose, Table, listed, to_numbers, want_all
+from aeolid.formats.table import Array, Choose, Table, listed, require_of_size, to_numbers, want_all
 from aeolid.formats.timebase import Grid, uniform_grid
 from aeolid.inputs import regular_size
 from aeolid.record import Channel, Record, Roles, file_sha256
@@ -268,11 +268,6 @@ def _unit(table: Table, heading: str) -> str | None:
 
 
 def _require_usable(table: Table, name: str, values: Array) -> None:
-    infinite = np.flatnonzero(np.isinf(values))
-    if len(infinite):
-        raise DataError(
-            f"{table.source}: channel {name!r} is infinite at {table.place(int(infinite[0]))}"
-            f" ({len(infinite)} in all); leave the cell empty if the sample is missing"
-        )
+    require_of_size(table, name, values, "leave the cell empty if the sample is missing")
     if np.isnan(values).all():
         raise DataError(f'{table.source}: channel {name!r} holds no value at all; give it the role "ignore"')

@@ -14,6 +14,9 @@ from aeolid.errors import DataError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+LARGEST = (
+    1e100  # size of a sample in any unit; products of three, and sums of these, stay below 1e308, where numbers end
+)
 Choose = Callable[[tuple[str, ...], str | None], tuple[str, ...]]
 """Given the headings a file holds and the one its format marks as time, say which of them are wanted."""
 
@@ -49,6 +52,24 @@ class Table:
         if self.first_line is None:
             return f"sample {index + 1}"
         return place_in_text(index, self.first_line, self.empty_lines)
+
+
+def require_of_size(table: Table, name: str, values: Array, remedy: str) -> None:
+    """Raise DataError where samples (N,) of a channel are infinite or beyond LARGEST; NaN is a sample that is missing.
+
+    remedy: what to do with such a sample, as the end of the sentence.
+    """
+    infinite = np.flatnonzero(np.isinf(values))
+    if len(infinite):
+        place = table.place(int(infinite[0]))
+        raise DataError(f"{table.source}: channel {name!r} is infinite at {place} ({len(infinite)} in all); {remedy}")
+    huge = np.flatnonzero(np.abs(values) > LARGEST)
+    if len(huge):
+        place, value = table.place(int(huge[0])), float(values[huge[0]])
+        raise DataError(
+            f"{table.source}: channel {name!r} reads {value:g} at {place}, which no measurement does in any unit"
+            f" ({len(huge)} in all beyond ±{LARGEST:g}); correct it, or {remedy}"
+        )
 
 
 def place_in_text(index: int, first: int, empty: Integers) -> str:

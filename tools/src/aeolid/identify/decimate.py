@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.models.angles import radians_a_unit
 from aeolid.record import Record
 from aeolid.wording import counted
 
 Array = NDArray[np.float64]
-TAPS_PER_STEP = 20  # on either side of the centre: 0.05 dB at 70 % and 60 dB beyond 130 % of the new Nyquist frequency
+TAPS_PER_STEP = 20  # on either side of the centre: 0.1 dB up to 92 % and 60 dB beyond 109 % of the new Nyquist
 
 
 def decimate(record: Record, factor: int, *, centred: bool = False) -> Record:
@@ -61,8 +62,8 @@ def _filter(values: Array, taps: Array, factor: int) -> Array:
 
 
 def _filter_angle(values: Array, taps: Array, factor: int, unit: str) -> Array:
-    turn = 360.0 if unit == "deg" else 2 * np.pi
-    phase = values * (2 * np.pi / turn)
+    per_unit = radians_a_unit(unit, values)
+    phase = values * per_unit
     angle = np.arctan2(_filter(np.sin(phase), taps, factor), _filter(np.cos(phase), taps, factor))
-    wrapped: Array = np.mod(angle, 2 * np.pi) * (turn / (2 * np.pi))
+    wrapped: Array = np.mod(angle, 2 * np.pi) / per_unit
     return wrapped

@@ -24,6 +24,7 @@ from aeolid.errors import UsageError
 from aeolid.geometry import Geometry, united
 from aeolid.identify.clusters import Cluster, Criteria, cluster
 from aeolid.identify.diagram import Diagram, Pole, draw_up, ladder_of, shortest_window
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.harmonics import marked
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.output_only import ALL, of_outputs_alone
@@ -182,7 +183,8 @@ def find_modal(
     named = [outputs] if isinstance(outputs, str) else list(outputs or [ALL])
     known, filled = without_fill_values(records)
     with told_with(filled):
-        return replace(_found(known, named, past, largest, decimation, reference, criteria, blades), notes=filled)
+        found = _found(known, named, past, largest, decimation, reference, criteria, blades)
+    return replace(found, notes=(*filled, *found.notes))
 
 
 def _found(
@@ -201,7 +203,7 @@ def _found(
         found = _gathered(draw_up(ladder, scaling, window, largest), criteria, seen, records, at)
         longer = _longer(found, window)
         if past is not None or longer == window or ladder.longest < APART * longer:
-            return found
+            return _with_images_marked(found, alone, decimation)
         window = longer
 
 
@@ -228,6 +230,24 @@ def _gathered(
         tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
         _spectrum(seen, diagram), united(r.geometry for r in records),
     )  # fmt: skip
+
+
+def _with_images_marked(found: Modal, raw: Sequence[Record], factor: int) -> Modal:
+    """Return what was found at a lowered rate, what may be the image of a mode beyond its half marked as such.
+
+    raw: the recordings before. A pole at half of the rate counts as spurious. Notes say what folds.
+    """
+    if factor == 1:
+        return found
+    kept, notes = tell_of_folding(found.modes, found.notes, raw, factor)
+    own = [m.eigenvalue for m in kept]
+    stays = [m.eigenvalue in own for m in found.modes]
+    stability = tuple(c for c, here in zip(found.stability, stays, strict=True) if here)
+    gone = tuple(c for c, here in zip(found.stability, stays, strict=True) if not here)
+    images = [f"{m.frequency_hz:.4g} Hz of {m.folded_from_hz:.4g} Hz" for m in kept if m.folded_from_hz is not None]
+    if images:
+        notes = (*notes, f"may be images of what lies beyond half of the lowered rate: {', '.join(images)}")
+    return replace(found, modes=kept, stability=stability, spurious=(*found.spurious, *gone), notes=notes)
 
 
 def _spectrum(records: Sequence[Record], diagram: Diagram) -> tuple[Array, Array]:

@@ -79,14 +79,19 @@ def _seen(setup: Setup, mode: Mode, cluster: Cluster, references: int) -> Seen:
     return Seen(setup, mode, part_shape(cluster, diagram, places, setup.scale, references))
 
 
+def seen_in(setup: Setup, references: int) -> list[Seen]:
+    """Return what a set-up shows of the modes that it lists."""
+    pairs = zip(setup.modal.modes, setup.modal.stability, strict=True)
+    return [_seen(setup, m, c, references) for m, c in pairs if m in setup.modal.listed]
+
+
 def matched(setups: Sequence[Setup], references: int) -> list[list[Seen]]:
     """Return the modes as groups of at most one of each set-up; the set-up with most modes begins."""
     from scipy.optimize import linear_sum_assignment  # half a second to load
 
     groups: list[list[Seen]] = []
     for setup in sorted(setups, key=lambda s: -len(s.modal.listed)):
-        pairs = zip(setup.modal.modes, setup.modal.stability, strict=True)
-        mine = [_seen(setup, m, c, references) for m, c in pairs if m in setup.modal.listed]
+        mine = seen_in(setup, references)
         taken: set[int] = set()
         if groups and mine:
             far = np.array([[distance(one, group) for group in groups] for one in mine])

@@ -34,6 +34,7 @@ from aeolid.identify.setup_matching import (
     set_up,
     weights_of,
 )
+from aeolid.identify.setup_references import compared_references
 from aeolid.identify.setup_shapes import PartShape
 from aeolid.identify.setup_states import balanced, chosen_model, part_of
 from aeolid.identify.setups import MergedModal, MergedMode, gathered, in_units
@@ -81,9 +82,11 @@ class Realised:
 def realise(modals: Sequence[Modal], references: Sequence[str], reference: str | None = None) -> MergedModal:
     """Merge set-ups to one realisation; parameters as in `setups.merge`.
 
-    Raises NotIdentifiable where no two set-ups show the same mode, or the references do not observe one that is shown.
+    Raises NotIdentifiable where no two set-ups show the same mode, or the references do not observe one that is shown,
+    and DataError as there.
     """
     setups, count = set_up(modals, references), len(references)
+    compared = compared_references(setups, references)
     groups = [g for g in matched(setups, count) if len(g) >= CONFIRMED]
     groups.sort(key=lambda group: mean(group, "frequency_hz"))
     if not groups:
@@ -104,7 +107,7 @@ def realise(modals: Sequence[Modal], references: Sequence[str], reference: str |
         for g in lost
     ]
     found = gathered(modes, setups, references, by="preger", order=len(whole.joint.A))
-    return replace(found, notes=(*found.notes, *notes))
+    return replace(found, notes=(*found.notes, *notes, *compared))
 
 
 def _steps(setups: Sequence[Setup]) -> list[float]:

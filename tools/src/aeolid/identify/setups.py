@@ -30,6 +30,7 @@ from aeolid.identify.setup_matching import (
     mean,
     set_up,
 )
+from aeolid.identify.setup_references import compared_references
 from aeolid.identify.setup_shapes import joined
 from aeolid.models.modes import Mode
 from aeolid.models.shapes import Shape
@@ -131,13 +132,16 @@ def _shape_line(merged: MergedMode) -> str:
 def merge(modals: Sequence[Modal], references: Sequence[str], reference: str | None = None) -> MergedModal:
     """Merge the modes of set-ups, each with the references and sensors of its own (checked by `setup_request`).
 
-    reference: the sensor that shapes are scaled to, default the one that moves most in each mode.
+    reference: the sensor that shapes are scaled to, default the one that moves most in each mode. Raises DataError
+    where a reference has another sign or gain in one set-up than in others.
     """
     setups = set_up(modals, references)
+    notes = compared_references(setups, references)
     groups = matched(setups, len(references))
     groups.sort(key=lambda group: mean(group, "frequency_hz"))
     modes = [_merged(group, setups, references, reference, 2 * len(groups)) for group in groups]
-    return gathered(modes, setups, references)
+    found = gathered(modes, setups, references)
+    return replace(found, notes=(*found.notes, *notes))
 
 
 def gathered(

@@ -67,9 +67,10 @@ class Track:
             (m.number, m.mode.frequency_hz, m.mode.frequency_std_hz, m.mode.damping, m.mode.damping_std)
             for m in oscillating(modes)
         ]
-        self.last_s = self.start + time_s
+        at = self.start + time_s
+        self.last_s = max(self.last_s, at)  # samples that came since the snapshot these modes are of are newer
         table = np.array(rows, dtype=np.float32).reshape(-1, 5)  # None becomes NaN
-        self.modes.push((self.last_s, table))
+        self.modes.push((at, table))
 
     def take_snapshot(self, snapshot: MarkovSnapshot) -> None:
         """Remember Markov parameters; a snapshot without an index stands where the newest sample is."""

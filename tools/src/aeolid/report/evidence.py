@@ -17,6 +17,8 @@ from aeolid.wording import counted, spoken
 
 Facts = dict[str, Any]
 _ZOOM_SAMPLES = 400  # what can be followed by eye on the width of a page
+_LINES = ("measured", "before", "after")
+_ROWS = ("time_s", *_LINES)  # what a series has a value of for each sealed row
 _MOST_OUTPUTS = 6
 _OPEN_OUTPUTS = 2  # drawn without being asked for
 _MOST_BARS = 24
@@ -55,9 +57,10 @@ def _numbers(sealed: Facts) -> Html:
 
 
 def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None, most: int) -> Html:
+    data, place = _one_stretch(data)
     time = np.asarray(data["time_s"], dtype=float)
-    lines = {k: np.asarray(data[k], dtype=float) for k in ("measured", "before", "after") if data.get(k)}
-    start = _busiest(lines)
+    lines = {k: np.asarray(data[k], dtype=float) for k in _LINES if k in data and len(data[k])}
+    start = _busiest(lines)[0]
     window = slice(start, start + _ZOOM_SAMPLES)
     with charts.sketch((charts.WIDE[0], 4.2), 2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]}) as drawing:
         top, bottom = drawing.axes[:, 0]
@@ -77,19 +80,30 @@ def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None, mo
         top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     means = f", in means over {number(data['mean_of_s'])} s" if data.get("mean_of_s") else ""
     caption = (
-        f"{name}: {_shown_part(time, window)}. Grey: measured{means}; dashed: the model before"
+        f"{name}: {_shown_part(time, window, place)}. Grey: measured{means}; dashed: the model before"
         f" correction; blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}"
     )
     view = (start, min(start + _ZOOM_SAMPLES, len(time)))
     return zoomed(drawing.svg, caption, time, _panels(name, lines, data.get("unit")), view, most)
 
 
-def _shown_part(time: Any, window: slice) -> str:
-    """Say which part of the sealed data a figure begins with."""
+def _one_stretch(data: Facts) -> tuple[Facts, str]:
+    """Return the sealed stretch in which the two models differ most, and which one that is, "" where there is one."""
+    numbers = np.asarray(data.get("stretch") or np.ones(len(data["time_s"])))
+    every = np.unique(numbers)
+    if len(every) < 2:
+        return data, ""
+    parts = [{k: np.asarray(v)[numbers == n] if k in _ROWS else v for k, v in data.items()} for n in every]
+    chosen = max(range(len(parts)), key=lambda i: _busiest(parts[i])[1])
+    return parts[chosen], f" of stretch {int(every[chosen])} of {int(every[-1])}"
+
+
+def _shown_part(time: Any, window: slice, place: str) -> str:
+    """Say which part of the sealed data a figure begins with; place: of which stretch, where there are several."""
     whole, part = (number(float(t[-1] - t[0])) for t in (time, time[window]))
     if len(time) <= _ZOOM_SAMPLES:
-        return f"all {whole} s"
-    return f"the {part} s, of {whole} s, in which the two models differ most"
+        return f"all {whole} s{place}"
+    return f"the {part} s, of {whole} s{place}, in which the two models differ most"
 
 
 def _panels(name: str, lines: dict[str, Any], unit: str | None) -> list[Panel]:
@@ -115,13 +129,16 @@ def _restart(time: Any, horizon_s: float | None) -> str:
     )
 
 
-def _busiest(lines: dict[str, Any]) -> int:
-    """Return the start of the window in which the two models differ most."""
-    if "before" not in lines or "after" not in lines or len(lines["before"]) <= _ZOOM_SAMPLES:
-        return 0
-    square = np.nan_to_num((lines["before"] - lines["after"]) ** 2)
+def _busiest(lines: Facts) -> tuple[int, float]:
+    """Return the start of the window in which the two models differ most, and the sum of their squared differences."""
+    if "before" not in lines or "after" not in lines:
+        return 0, 0.0
+    square = np.nan_to_num((np.asarray(lines["before"], dtype=float) - np.asarray(lines["after"], dtype=float)) ** 2)
     total = np.concatenate([[0.0], np.cumsum(square)])
-    return int(np.argmax(total[_ZOOM_SAMPLES:] - total[:-_ZOOM_SAMPLES]))
+    if len(square) <= _ZOOM_SAMPLES:
+        return 0, float(total[-1])
+    windows = total[_ZOOM_SAMPLES:] - total[:-_ZOOM_SAMPLES]
+    return int(np.argmax(windows)), float(np.max(windows))
 
 
 def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:

@@ -97,12 +97,17 @@ def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Pat
 
 
 def write_series(series: dict[str, Any], path: Path) -> None:
-    """Write measured, before and after of every output over the sealed data; an empty series gives a heading only."""
+    """Write measured, before and after of every output over the sealed data; an empty series gives a heading only.
+
+    Last comes the number of the sealed stretch, from 1: the times of several may be the same.
+    """
     names = list(series)
-    heads = ["time_s"] + [f"{n}_{kind}" for n in names for kind in ("measured", "before", "after")]
+    heads = ["time_s", *(f"{n}_{kind}" for n in names for kind in ("measured", "before", "after")), "stretch"]
     lines = [heading_line(heads)]
     if names:
-        columns = [series[names[0]]["time_s"]] + [series[n][k] for n in names for k in ("measured", "before", "after")]
+        first = series[names[0]]
+        columns = [series[n][k] for n in names for k in ("measured", "before", "after")]
+        columns = [first["time_s"], *columns, first["stretch"]]
         lines += [",".join("" if v is None else f"{v:.9g}" for v in row) + "\n" for row in zip(*columns, strict=True)]
     output.write_text(path, "".join(lines))
 
@@ -146,6 +151,6 @@ def evidence(study: Study) -> dict[str, Any]:
         facts |= {"series": proof.series, "spectra": proof.spectra, "horizon": proof.profile}
         names = [s.name for s in prepared.extended.inputs]
         facts["turning_errors"] = turning_errors(
-            prepared.split.sealed[0], names, study.case.records[0].channels, proof.series
+            prepared.split.sealed, names, study.case.records[0].channels, proof.series
         )
     return facts

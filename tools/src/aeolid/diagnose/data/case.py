@@ -45,6 +45,10 @@ CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of th
 MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
 _MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
 ONE_RUN = "same_inputs compares one run with the recordings sample by sample; give one file"
+RUN_ONLY = (
+    "same_inputs = true says that a simulator's run was made with the recorded inputs and acts for a run only; a model"
+    " is always given the recorded inputs: leave it out"
+)
 KINDS = ("state_space", "equations", "run", "fmu")
 
 
@@ -200,7 +204,8 @@ def make_case(
     """Build a case without a folder, with the checks of `load_case`.
 
     source: what messages call the baseline; context: facts about the machine, as in case.toml; same_inputs: whether a
-    simulator's run had the recorded inputs; more_runs: further runs beside the baseline. Raises DataError.
+    simulator's run had the recorded inputs; more_runs: further runs beside the baseline. Raises DataError, and
+    UsageError on same_inputs of a baseline that is no run or of several runs.
     """
     require_same_layout(records)
     require_distinct(records)
@@ -214,6 +219,8 @@ def make_case(
         more = tuple(others)
         require_same_layout((*found, baseline, *more))
     else:
+        if same_inputs:
+            raise UsageError(RUN_ONLY)
         kind = "equations" if isinstance(baseline, Equations) else "state_space"
         if isinstance(baseline, Equations):
             _require_fitting(baseline, source)
@@ -278,6 +285,8 @@ def _baseline(table: Any, source: str) -> tuple[str, list[str]]:
         raise DataError(f"{where}: names of files are texts")
     if len(files) > 1 and kind != "run":
         raise DataError(f'{where}: several files are for kind = "run"; give one file')
+    if kind != "run" and table.get("same_inputs", False):
+        raise DataError(f'{where}: {RUN_ONLY}, or give kind = "run"')
     if len(files) > 1 and table.get("same_inputs", False):
         raise DataError(f"{where}: {ONE_RUN}")
     if "roles" in table and (kind != "run" or not isinstance(table["roles"], str)):

@@ -13,7 +13,7 @@ from aeolid.diagnose.data.folded import folded_of
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.data.range_ends import rails
 from aeolid.diagnose.data.standing import Baseline, stretches_of, words
-from aeolid.diagnose.data.strays import codes_of, dropouts_of, strays_of
+from aeolid.diagnose.data.strays import codes_of, dropouts_of, strays_of, without_codes
 from aeolid.diagnose.rules import in_force
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
@@ -23,6 +23,7 @@ from aeolid.wording import counted
 
 Array = NDArray[np.float64]
 SWAPPED = "swapped"  # the check of two outputs under each other's name
+_BESIDE = ("scheduling", "azimuth", "excitation")  # roles that a model need not have: none of their samples is a fault
 _SAME = "sample by sample the same as"
 _CHANGES = 20  # of which a pace is estimated
 _DIGITS = 1e-4  # of the spread: what the digits that files are written with may leave between two channels
@@ -67,6 +68,8 @@ def examine(records: Sequence[Record], baseline: Baseline = None) -> tuple[Findi
         name = record.source.rsplit("/", 1)[-1]
         for channel in record.of("input", "output", "disturbance"):
             findings += _channel(channel, record.column(channel.name), name, len(records) == 1)
+        for channel in record.of(*_BESIDE):
+            findings += _codes(record.column(channel.name), f"{channel.name} ({name})", None)
         findings += _pairs(record, name)
         if isinstance(baseline, StateSpace | Equations):
             findings += _against_model(baseline, record, name)
@@ -163,15 +166,9 @@ def _held(v: Array, where: str) -> list[Finding]:
 
 def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
     """Say codes for "no value" and single samples far outside everything else."""
-    rules, found = in_force().data, []
-    coded, alone, dropped = codes_of(v), strays_of(v), dropouts_of(v)
-    if np.any(coded):
-        code, most = float(v[coded][0]), float(coded.mean()) > rules.missing_share
-        text = (
-            f"{counted(int(coded.sum()), 'sample', ('reads', 'read'))} {code:g}, a usual code for a missing "
-            "value; left out"
-        )
-        found.append(Finding("code", where, text, "fault" if most else "warning", not most))
+    rules = in_force().data
+    alone, dropped = strays_of(v), dropouts_of(without_codes(v))
+    found = _codes(v, where, rules.missing_share)
     if is_output and np.any(dropped):
         text = (
             f"{int(dropped.sum())} samples read {v[dropped][0]:g}, far from those before and after; they are left out"
@@ -185,6 +182,19 @@ def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
         )
         found.append(Finding("spike", where, text + ("; left out" if is_output else ""), "warning", is_output))
     return found
+
+
+def _codes(v: Array, where: str, most: float | None) -> list[Finding]:
+    """Say codes for "no value" in samples (N,); a fault where they are more than the share `most`, None: never."""
+    coded = codes_of(v)
+    if not np.any(coded):
+        return []
+    fault = most is not None and float(coded.mean()) > most
+    text = (
+        f"{counted(int(coded.sum()), 'sample', ('reads', 'read'))} {float(v[coded][0]):g}, a usual code for a missing "
+        "value; left out"
+    )
+    return [Finding("code", where, text, "fault" if fault else "warning", not fault)]
 
 
 def _unit(channel: Channel, v: Array, where: str) -> list[Finding]:

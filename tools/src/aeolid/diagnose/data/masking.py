@@ -41,10 +41,13 @@ def masked_case(case: Case) -> tuple[Case, tuple[Finding, ...]]:
 
 
 def _without_codes(record: Record) -> Record:
-    """Return the recording with codes for "no value" missing, and dropouts and strays of the outputs."""
+    """Return the recording with codes for "no value" missing in every channel that takes part.
+
+    Of the outputs dropouts and strays are missing, too.
+    """
     values = record.values.copy()
     for column, channel in enumerate(record.channels):
-        if channel.role in ("input", "output", "disturbance"):
+        if channel.role != "ignore":
             values[:, column] = without_codes(values[:, column])
         if channel.role == "output":
             values[dropouts_of(values[:, column]), column] = np.nan

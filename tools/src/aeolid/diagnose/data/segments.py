@@ -50,6 +50,11 @@ class Segment:
         """Return where the stretch ends, in seconds."""
         return self.start_s + len(self.y) * self.step
 
+    @property
+    def scored_s(self) -> Array:
+        """Return the times (n,) in seconds of the rows of y that are scored."""
+        return self.start_s + self.step * np.arange(self.burn, len(self.y), dtype=np.float64)
+
     def head(self, rows: int) -> Segment:
         """Return the first rows, all scored."""
         return replace(self, u=self.u[: rows * self.stride], y=self.y[:rows], burn=0)

@@ -108,7 +108,10 @@ def _horizons(segments: Sequence[Segment]) -> list[int]:
 
 
 def _ahead(predictor: Predictor, point: Point, runs: Sequence[Array]) -> Array:
-    """Return mean squared errors (H, l) of predictions k rows ahead from starts spread over the data."""
+    """Return mean squared errors (H, l) of predictions k rows ahead from starts spread over the data.
+
+    NaN where an output was measured in none of these rows, as one of two that a logger writes in turn may be.
+    """
     horizons = _horizons(predictor.segments)
     rows = sum(len(s.y) - s.burn for s in predictor.segments)
     if not horizons:
@@ -121,8 +124,10 @@ def _ahead(predictor: Predictor, point: Point, runs: Sequence[Array]) -> Array:
         for start in range(segment.burn, len(segment.y) - most, apart):
             predicted = predictor.run_rows(point, i, start, blank, runs[i][start], zero, ready=ready)[1]
             squares.append((segment.y[start : start + most] - predicted)[[k - 1 for k in horizons]] ** 2)
+    errors = np.array(squares)  # (starts, H, l)
+    known = ~np.isnan(errors)
     with np.errstate(all="ignore"):
-        result: Array = np.nanmean(np.array(squares), axis=0)
+        result: Array = np.where(known, errors, 0.0).sum(axis=0) / known.sum(axis=0)
     return result
 
 

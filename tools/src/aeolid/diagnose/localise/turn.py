@@ -40,24 +40,28 @@ def mean_over_turn(angle: Array, y: Array) -> Array | None:
 
 
 def turning_errors(
-    segment: Segment, names: Sequence[str], channels: Sequence[Channel], series: Mapping[str, Mapping[str, Any]]
+    segments: Sequence[Segment],
+    names: Sequence[str],
+    channels: Sequence[Channel],
+    series: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Any]:
     """Return what both models leave over of each output, averaged over the rotor's angle: measured less predicted.
 
-    segment: that of the series; names: of its inputs, one a column of u. Empty where no angle is recorded, or where
-    the rotor does not go round often enough. Keys by output: azimuth_deg, before, after, unit.
+    segments: those of the series, in its order; names: of their inputs, one a column of u. Empty where no angle is
+    recorded, or where the rotor does not go round often enough. Keys by output: azimuth_deg, before, after, unit.
     """
     channel = next((c for c in channels if c.role == "azimuth" and c.name in names), None)
     if channel is None or not series:
         return {}
-    values = segment.u[:: segment.stride, names.index(channel.name)][segment.burn : len(segment.y)]
+    place = names.index(channel.name)
+    values = np.concatenate([s.u[:: s.stride, place][s.burn : len(s.y)] for s in segments])
+    time_s = np.concatenate([s.scored_s for s in segments])
     angle = radians_a_unit(channel.unit, values) * values
     found: dict[str, Any] = {}
     for output, facts in series.items():
         measured, *predicted = (np.array(facts[k], dtype=float) for k in ("measured", "before", "after"))
-        first = segment.start_s + segment.step * segment.burn
-        if len(measured) != len(angle) or abs(facts["time_s"][0] - first) > 0.5 * segment.step:
-            return {}  # of another stretch
+        if len(measured) != len(angle) or np.max(np.abs(time_s - facts["time_s"])) > 0.5 * segments[0].step:
+            return {}  # of other stretches
         means = mean_over_turn(angle, np.column_stack([measured - p for p in predicted]))
         if means is not None:
             found[output] = {"azimuth_deg": angles_deg().tolist(), "before": means[:, 0].tolist(),

@@ -98,14 +98,20 @@ def _foretold(pair: Pair, change: Change, ridge: Array, edges: Array, weight: fl
 
 
 def _series(pair: Pair, bare: _Foretold, full: _Foretold, change: Change) -> dict[str, dict[str, object]]:
-    """Return measured outputs and one-step predictions before and after over the sealed part of the last recording."""
+    """Return by output what was measured and foretold one step ahead in the sealed part of each recording in turn.
+
+    Keys: time_s, stretch (from 1, in the order of the recordings), measured, before, after.
+    """
     found: dict[str, dict[str, object]] = {}
-    last = pair.recordings[-1]
-    time_s, measured, before = pair.predicted(last, NOTHING, bare.theta[last.region], FIT)
-    after = pair.predicted(last, change, full.theta[last.region], FIT)[2]
+    parts = [pair.predicted(s, NOTHING, bare.theta[s.region], FIT) for s in pair.recordings]
+    changed = [pair.predicted(s, change, full.theta[s.region], FIT)[2] for s in pair.recordings]
+    time_s, measured, before = (np.concatenate(column) for column in zip(*parts, strict=True))
+    after = np.concatenate(changed)
+    stretch = np.repeat(np.arange(1, len(parts) + 1), [len(p[0]) for p in parts])
     for j, name in enumerate(pair.shown):
         columns = {"measured": measured, "before": before, "after": after}
-        found[name] = {"time_s": time_s.tolist()} | {k: v[:, j].tolist() for k, v in columns.items()}
+        found[name] = {"time_s": time_s.tolist(), "stretch": stretch.tolist()}
+        found[name] |= {k: v[:, j].tolist() for k, v in columns.items()}
         if pair.stride > 1:
             found[name]["mean_of_s"] = pair.block_s
     return found

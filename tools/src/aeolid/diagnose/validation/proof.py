@@ -168,15 +168,21 @@ def _profile(runs: Sequence[Forecast], measured: Array, names: list[str]) -> dic
 def _series(
     sealed: Sequence[Segment], names: list[str], predictor: Predictor, runs: Sequence[list[Array]]
 ) -> dict[str, dict[str, object]]:
-    segment = sealed[0]
-    time = segment.start_s + segment.step * np.arange(segment.burn, len(segment.y))
+    """Return by output what was measured and foretold in all sealed stretches, one after another.
+
+    Keys: time_s, stretch (from 1, in the order of the sealed stretches), measured, before, after, unit.
+    """
+    measured, before, after = (np.vstack(parts) for parts in ([s.y[s.burn :] for s in sealed], *runs))
+    time = np.concatenate([s.scored_s for s in sealed])
+    stretch = np.repeat(np.arange(1, len(sealed) + 1), [len(s.y) - s.burn for s in sealed])
     units = [o.unit for o in predictor.compiled.model.outputs]
     return {
         name: {
             "time_s": time.tolist(),
-            "measured": _plain(segment.y[segment.burn :, j]),
-            "before": _plain(runs[0][0][:, j]),
-            "after": _plain(runs[1][0][:, j]),
+            "stretch": stretch.tolist(),
+            "measured": _plain(measured[:, j]),
+            "before": _plain(before[:, j]),
+            "after": _plain(after[:, j]),
             "unit": units[j],
         }
         for j, name in enumerate(names)
