@@ -193,6 +193,8 @@ REFUSED: dict[str, tuple[tuple[str, bool], Spoil, list[str]]] = {
                               ["simulation.csv", "'position'", "'mm'", "'m'"]),
     "a channel less": (RUN, lines(SIMULATED, lambda r: [r[0].replace("speed", "pace"), *r[1:]]), ["'speed'"]),
     "every second sample": (RUN, lines(SIMULATED, lambda r: [r[0], *r[1::2]]), ["simulation.csv", "2 times too small"]),
+    "no number of a machine": (RUN, column(SIMULATED, 2, lambda k: f"{1.4**k:.6g}"),
+                               ["simulation.csv", "'position'", "sample 686", "diverged"]),
     "other times": (KINDS["a run with the same inputs"], lines(SIMULATED, lambda r: r[:700]),
                     ["simulation.csv", "699 samples", "same times"]),
 }  # fmt: skip
@@ -202,7 +204,7 @@ ENDED: dict[str, tuple[tuple[str, bool], Spoil, str, list[str]]] = {
                               ["drive", "sample 100"]),
     "short simulation": (RUN, lines(SIMULATED, lambda r: r[:60]), MUTE, ["simulation.csv", "59 samples"]),
     "short recording": (RUN, lines(RECORDED, lambda r: r[:120]), MUTE, ["119 samples"]),
-    "diverging simulation": (RUN, column(SIMULATED, 2, lambda k: f"{1.4**k:.6g}"), MUTE,
+    "diverging simulation": (RUN, column(SIMULATED, 2, lambda k: f"{1.2**k:.6g}"), MUTE,
                              ["simulation.csv", "diverges", "position"]),
     "constant simulated output": (RUN, column(SIMULATED, 2, lambda k: "0"), MUTE, ["position", "constant"]),
     "constant simulated input": (RUN, column(SIMULATED, 1, lambda k: "1"), MUTE, ["drive", "constant"]),

@@ -11,7 +11,7 @@ from aeolid.diagnose.candidates import settle_sampling
 from aeolid.diagnose.candidates.settle_sampling import Beside, settle_beside
 from aeolid.diagnose.data.intersample import Sampling
 from aeolid.diagnose.deadline import unlimited
-from aeolid.diagnose.selection import first_effect
+from aeolid.diagnose.selection import close_readings
 
 HELD, STRAIGHT = (Sampling((("force", hold),), 0.0, 0.0, free=False) for hold in ("zoh", "foh"))
 
@@ -48,8 +48,8 @@ def test_a_brief_fit_does_not_choose_between_close_readings(
         end = ends[candidate.key]
         return None if end is None else effect(candidate.key, end)
 
-    monkeypatch.setattr(first_effect, "prepare", lambda *_: None)
-    monkeypatch.setattr(first_effect, "taken_up", taken_up)
+    monkeypatch.setattr(close_readings, "prepare", lambda *_: None)
+    monkeypatch.setattr(close_readings, "taken_up", taken_up)
     gains = (
         Sampling(STRAIGHT.holds, 0.025, 0.0, free=True, gain=71.0),
         Sampling(HELD.holds, 0.0, 0.0, False, short - 7835),
@@ -57,7 +57,7 @@ def test_a_brief_fit_does_not_choose_between_close_readings(
     pairs = [Beside(DELAY, gains[0], 7931.0), Beside(DRIVE, gains[1], short)]
     stage: Any = SimpleNamespace(decimation=1)
     case: Any = None
-    best, start = first_effect._read_with(case, stage, pairs, DELAY, unlimited())
+    best, start = close_readings.read_with(case, stage, pairs, DELAY, unlimited())
     assert best.sampling is not None and best.sampling.holds[0][1] == read
     assert start.key == leader and (fitted == [] or short > 7850)
 

@@ -14,9 +14,7 @@ from aeolid.errors import DataError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-LARGEST = (
-    1e100  # size of a sample in any unit; products of three, and sums of these, stay below 1e308, where numbers end
-)
+LARGEST = 1e100  # of a sample: products of three, and their sums, stay below 1e308, where numbers end
 Choose = Callable[[tuple[str, ...], str | None], tuple[str, ...]]
 """Given the headings a file holds and the one its format marks as time, say which of them are wanted."""
 
@@ -67,8 +65,9 @@ def require_of_size(table: Table, name: str, values: Array, remedy: str) -> None
     if len(huge):
         place, value = table.place(int(huge[0])), float(values[huge[0]])
         raise DataError(
-            f"{table.source}: channel {name!r} reads {value:g} at {place}, which no measurement does in any unit"
-            f" ({len(huge)} in all beyond ±{LARGEST:g}); correct it, or {remedy}"
+            f"{table.source}: channel {name!r} reads {value:g} at {place} ({len(huge)} in all beyond"
+            f" ±{LARGEST:g}): misread, or a simulation that diverged; correct it, {remedy}, or give the"
+            " channel in a larger unit"
         )
 
 

@@ -13,7 +13,7 @@ from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import fit_rows, hopeless, is_accepted, select_density
 from aeolid.diagnose.candidates.refit import finalists, renewed
-from aeolid.diagnose.candidates.settle_sampling import Beside, settle, settle_beside
+from aeolid.diagnose.candidates.settle_sampling import settle, settle_beside
 from aeolid.diagnose.candidates.simulated_share import by_simulation
 from aeolid.diagnose.candidates.switches import paying
 from aeolid.diagnose.candidates.woken import woken
@@ -27,6 +27,7 @@ from aeolid.diagnose.hypotheses.parts.modes import highest_hz
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.selection.better_baseline import against, better_baseline, taken_up
+from aeolid.diagnose.selection.close_readings import read_with
 from aeolid.diagnose.selection.colour import survives_colour, survives_richer_noise
 from aeolid.diagnose.selection.hidden_modes import hides_a_mode, is_beyond
 from aeolid.diagnose.selection.lasting import does_not_last, explains_more
@@ -120,7 +121,7 @@ def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline)
     """
     if found.winner is None or not (pairs := settle_beside(case, found.prepared, found.candidates)):
         return found
-    best, leader = _read_with(case, found.prepared, pairs, found.winner, deadline)
+    best, leader = read_with(case, found.prepared, pairs, found.winner, deadline)
     sampling = best.sampling
     if sampling is None:
         return found
@@ -134,30 +135,6 @@ def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline)
         _select_density(found.winner, found.prepared).sum() - _select_density(again.winner, again.prepared).sum()
     )
     return found if lost > short + in_force().evidence.two_deviations_nats else again
-
-
-def _read_with(
-    case: Case, prepared: Prepared, pairs: Sequence[Beside], winner: Candidate, deadline: Deadline
-) -> tuple[Beside, Candidate]:
-    """Return the likelier of the two best pairs of an effect and a reading, and whom the look behind it starts from.
-
-    Where they are close both are fitted to the end: a brief fit may stop short by more than they differ. Read as it
-    moves a drive that rings was a dead time of 0.12 s half a row later, 71 nats by twelve steps, and as held, 44, was
-    what it is; fitted to the end these were 64 and 176.
-    """
-    best, close = pairs[0], in_force().selection.further_share * winner.fit_gain
-    if len(pairs) < 2 or pairs[1].value < best.value - close or deadline.skips("the second of two close readings"):
-        return best, winner
-    fitted: list[tuple[float, Beside, Candidate]] = []
-    for pair in pairs[:2]:
-        read = pair.sampling
-        stage = prepared if read is None else prepare(case, prepared.decimation, deadline, replace(read, free=False))
-        own = pair.candidate if read is None else taken_up(stage, pair.candidate)
-        if own is not None:
-            price = 0.0 if read is None else read.gain - (pair.value - pair.candidate.fit.log_posterior)
-            fitted.append((own.fit.log_posterior - price, pair, own))
-    _, chosen, leader = max(fitted, key=lambda f: f[0], default=(0.0, best, winner))
-    return chosen, leader
 
 
 def _led_on(again: First, leader: Candidate) -> First:
