@@ -16,7 +16,6 @@ from aeolid.diagnose.candidates.refit import finalists, renewed
 from aeolid.diagnose.candidates.settle_sampling import settle, settle_beside
 from aeolid.diagnose.candidates.simulated_share import by_simulation
 from aeolid.diagnose.candidates.switches import paying
-from aeolid.diagnose.candidates.woken import woken
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.intersample import Sampling
 from aeolid.diagnose.data.resample import finer
@@ -224,7 +223,6 @@ def fit_thoroughly(
     up anew is fitted too.
     """
     fitted: dict[str, Candidate] = {}
-    asked: set[str] = set()
     simulated = by_simulation(prepared, seed) if bank.loud else []
     for _ in range(_AGAIN + 1):
         rows = {r.attachment.key: r for r in [*finalists(bank), *paying(prepared, bank), *simulated]}
@@ -232,8 +230,6 @@ def fit_thoroughly(
         fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
         more = [r for r in kin(bank, list(fitted.values())) if r.attachment.key not in behind]
         fitted |= {c.key: c for c in fit_rows(prepared, more)}
-        fitted |= {c.key: c for c in woken(prepared, list(fitted.values()), asked)}
-        asked |= fitted.keys()
         if prepared.deadline.skips("the fits once more from a better baseline"):
             break
         better = better_baseline(prepared, list(fitted.values()))
