@@ -275,3 +275,29 @@ def test_an_angle_is_thinned_on_the_circle_in_every_unit(unit):
     steps = np.diff(np.unwrap(slow.values[:, 0] / turn_of(unit) * 2 * np.pi))
     np.testing.assert_allclose(steps, 2 * np.pi * 0.2 * 0.25, atol=1e-6)
     assert slow.values.max() <= turn_of(unit) and slow.values.max() > 0.9 * turn_of(unit)
+
+
+def two_speeds(role, unit="rpm"):
+    """Return two recordings at 11 and 12.5 rpm, the speed a channel of this role in this unit."""
+    found = []
+    for k, rpm in enumerate((11.0, 12.5)):
+        made = shaken(BUILDING, 4000, STEP, k, harmonics=Harmonics(rpm / 60, (1, 3), (1.0, 0.7), 0.002))
+        steps = np.gradient(np.unwrap(np.radians(made.column("azimuth"))), STEP) * 60 / (2 * np.pi)
+        kept = [c for c in made.channels if c.role == "output"]
+        values = np.column_stack([*(made.column(c.name) for c in kept), steps])
+        found.append(replace(made, values=values, channels=(*kept, Channel("rotor_speed", unit, role=role))))
+    return found
+
+
+@pytest.mark.parametrize("role", ["scheduling", "output"])
+def test_the_rotor_turns_as_recorded_whatever_role_its_speed_has(role):
+    """Taken off its mean over both recordings the speed was that of none, and 1P was listed as a mode."""
+    found = find_modal(two_speeds(role), past=20)
+    assert found.turning is not None and found.turning.frequency_hz == pytest.approx(11 / 60, rel=0.01)
+
+
+@pytest.mark.parametrize(("unit", "known"), [("U/min", True), ("r/min", True), ("min^-1", True), ("pu", False)])
+def test_a_speed_in_a_unit_of_none_is_told(unit, known):
+    found = find_modal(two_speeds("scheduling", unit)[:1], past=20)
+    assert (found.turning is not None) is known
+    assert any("harmonics of the rotor are not marked" in note for note in found.notes) is not known

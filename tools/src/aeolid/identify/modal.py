@@ -29,6 +29,7 @@ from aeolid.identify.harmonics import marked
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.output_only import ALL, of_outputs_alone
 from aeolid.identify.prepare import at_a_glance, slower
+from aeolid.identify.recorded_speed import turning_as_recorded, unread
 from aeolid.identify.request_checks import check_whole
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.identify.uncertainty import covariance_of
@@ -184,7 +185,7 @@ def find_modal(
     known, filled = without_fill_values(records)
     with told_with(filled):
         found = _found(known, named, past, largest, decimation, reference, criteria, blades)
-    return replace(found, notes=(*filled, *found.notes))
+    return replace(found, notes=(*filled, *unread(known[0]), *found.notes))
 
 
 def _found(
@@ -195,7 +196,7 @@ def _found(
     alone = of_outputs_alone(in_fixed_frame(records, blades), outputs)
     at = index_of_reference(alone[0].names("output"), reference)
     known = at_a_glance(alone, "auto", "offset", "auto").each(partial(slower, factor=decimation))
-    seen = known.records
+    seen = turning_as_recorded(known.records, alone)
     scaling = find_scaling(seen)
     ladder = ladder_of(known, scaling, past)
     window, criteria = past or shortest_window(ladder), criteria or Criteria()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.models.rotor_angle import TURNS, azimuth_of, speed_channel
+from aeolid.models.rotor_angle import azimuth_of, speed_channel, turns_a_second
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def rotation(record: Record) -> Rotation | None:
     channel = speed_channel(record)
     if channel is None:
         return None
-    turned = record.column(channel.name)[1:] * TURNS[channel.unit] * record.sample_time_s
+    turned = record.column(channel.name)[1:] * (turns_a_second(channel.unit) or 1.0) * record.sample_time_s
     return _turning(turned, record.sample_time_s)
 
 

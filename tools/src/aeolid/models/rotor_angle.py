@@ -9,6 +9,7 @@ from aeolid.errors import DataError
 from aeolid.formats.meanings import meaning_of
 from aeolid.models.angles import turn_of, wraps
 from aeolid.record import Channel, Record
+from aeolid.units import rightly, same_unit
 
 Array = NDArray[np.float64]
 TURNS = {"rpm": 1 / 60, "1/min": 1 / 60, "rad/s": 1 / (2 * np.pi), "deg/s": 1 / 360, "Hz": 1.0, "1/s": 1.0}
@@ -41,9 +42,35 @@ def speed_channel(record: Record) -> Channel | None:
     """Return the channel that is called after the rotor's speed, in whatever role, None where there is none."""
     for channel in record.channels:
         meaning = meaning_of(channel.name)
-        if meaning is not None and meaning.kind == "rotor_speed" and not meaning.demand and channel.unit in TURNS:
+        if (
+            meaning is not None
+            and meaning.kind == "rotor_speed"
+            and not meaning.demand
+            and turns_a_second(channel.unit)
+        ):
             return channel
     return None
+
+
+def unread_speed(record: Record) -> Channel | None:
+    """Return the channel called after the rotor's speed whose unit is none, where no other tells how it turns."""
+    if record.of("azimuth") or speed_channel(record) is not None:
+        return None
+    for channel in record.channels:
+        meaning = meaning_of(channel.name)
+        if meaning is not None and meaning.kind == "rotor_speed" and not meaning.demand:
+            return channel
+    return None
+
+
+def turns_a_second(unit: str) -> float | None:
+    """Return how many turns a second a rotor speed of 1 in this unit is, None where it is none of a speed.
+
+    >>> turns_a_second("U/min") == turns_a_second("min^-1") == turns_a_second("rpm") == 1 / 60, turns_a_second("%")
+    (True, None)
+    """
+    own = rightly(unit) or unit.strip()
+    return TURNS.get(own) or next((turns for known, turns in TURNS.items() if same_unit(own, known)), None)
 
 
 def integrated(speed: Array, sample_time_s: float) -> Array:
@@ -70,4 +97,8 @@ def rotor_angle(record: Record) -> Array | None:
     channel = speed_channel(record)
     if channel is None:
         return None
-    return 2 * np.pi * integrated(record.column(channel.name) * TURNS[channel.unit], record.sample_time_s)
+    return (
+        2
+        * np.pi
+        * integrated(record.column(channel.name) * (turns_a_second(channel.unit) or 1.0), record.sample_time_s)
+    )
