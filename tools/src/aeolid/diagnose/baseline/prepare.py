@@ -307,7 +307,7 @@ def riccati_gains(linear: StateSpace, spreads: Array) -> list[Array]:
 def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array, Array, Array]:
     """Return typical magnitudes of the states (n,), of their derivatives (n,), and how states move together (n, n).
 
-    Last how far from their start they usually are (n,); 0 where that is within their size. A pendulum that is let go
+    Last how far from their start they usually are (n,), 0 within twice their size. A pendulum that is let go
     swings about its rest: linearised a size beyond where it was let go, a spring that hardens had a gain with which
     errors grew near the rest, and the right effect lost 300 nats on the sealed data.
     """
@@ -320,7 +320,7 @@ def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array
     step = predictor.segments[0].step
     rates = np.maximum(np.std(change, axis=0) / step, floor / step)
     sizes, usual = np.maximum(np.std(X, axis=0), floor), np.mean(X, axis=0) - predictor.compiled.model.x0[:n]
-    away = np.where(np.abs(usual) > sizes, usual, 0.0)
+    away = np.where(np.abs(usual) > 2 * sizes, usual, 0.0)
     return sizes, rates, np.atleast_2d(np.cov(X, rowvar=False, ddof=0)), away
 
 

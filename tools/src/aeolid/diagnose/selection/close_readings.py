@@ -24,6 +24,8 @@ def read_with(
     what it is; fitted to the end these were 64 and 176.
     """
     best, close = pairs[0], in_force().selection.further_share * winner.fit_gain
+    if any(p.sampling is not None and p.sampling.offset_s < 0 for p in pairs[:2]):
+        return best, winner  # a row early beside a clock of two rows is as likely as a clock of three
     if len(pairs) < 2 or pairs[1].value < best.value - close or deadline.skips("the second of two close readings"):
         return best, winner
     fitted: list[tuple[float, Beside, Candidate]] = []
