@@ -31,7 +31,7 @@ class Frame:
 
     working: the baseline with all channels as inputs and no effect; rough: a stabilising start for its own states;
     sizes (n,), spreads (l,): typical magnitudes of the declared states and of the outputs; away (n,): how far from
-    their start these states usually are, where that is farther than their size, else 0; forces: sizes of the
+    their start these states usually are where it is beyond twice that, else 0; forces: sizes of the
     unmeasured forces by state; offsets: those of a linear model's offsets and of what a recorded wind tells, by
     parameter; wind: what of the model that wind tells of, once the effects are in it.
     """

@@ -69,7 +69,7 @@ class Prior:
 class Scales:
     """Hold the typical sizes that finite differences and damping are measured in.
 
-    away (n,): how far from the model's start its states usually are, where that is farther than their size x0.
+    away (n,): how far from the model's start its states usually are, where that is farther than twice their size x0.
     """
 
     theta: Array
